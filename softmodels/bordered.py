@@ -1,0 +1,98 @@
+"""Newton's linear system with the cavity pressure as one more unknown, by one symmetric factorisation.
+
+        [ K      -q ] [dw]   [ r ]        K: tangent of the body, symmetric, indefinite in the mixed form
+        [ a q^T   b ] [dP] = [ c ]        q: dV/dw, the load of a unit pressure;  a, b: the control's line
+
+K alone is factorised (LDL^T), whatever the control; the border is eliminated (Keller 1977; Chan 1984,
+doi 10.1137/0721019). The same factorisation serves as preconditioner of GMRES on the whole system for the Newton
+iterations that follow, and GMRES also returns the digits that elimination loses where K is nearly singular: at a limit
+point the whole system is regular although K is not.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from softmodels.controls import Control
+from softmodels.parallel import owns_scalar, scalar_from_owner
+
+
+class Bordered:
+    """PETSc contexts for the bordered matrix and its preconditioner.
+
+    Vectors of the whole system hold the body's unknowns, then on the last rank the pressure.
+
+    Args:
+        K: Tangent matrix (PETSc Mat, symmetric); its values may change, its pattern may not.
+    """
+
+    def __init__(self, K: Any):
+        from petsc4py import PETSc
+
+        self.K, self.comm = K, K.comm.tompi4py()
+        self.n = K.getLocalSize()[0]
+        self.extra = int(owns_scalar(self.comm))
+        self.q, self.z = K.createVecRight(), K.createVecRight()
+        self._r, self._y = K.createVecRight(), K.createVecRight()
+        self.control = Control(0.0, 1.0, 0.0)
+        self.compliance = 0.0
+        self.factorisations = 0
+        self._direct = PETSc.KSP().create(K.comm)
+        self._direct.setOptionsPrefix("body_")
+        self._direct.setOperators(K)
+        self._direct.setType("preonly")
+        pc = self._direct.getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        self._direct.setFromOptions()
+        size = (self.n + self.extra, PETSc.DETERMINE)
+        self.mat = PETSc.Mat().createPython((size, size), context=self, comm=K.comm)
+        self.mat.setUp()
+
+    def vector(self) -> Any:
+        return self.mat.createVecRight()
+
+    def join(self, x: Any, body: Any, scalar: float) -> None:
+        """Fill ``x`` from the body's part (an array) and the pressure's."""
+        with x as values:
+            values[: self.n] = body
+            if self.extra:
+                values[self.n] = scalar
+
+    def split(self, x: Any) -> tuple[Any, float]:
+        """The body's part (local array, a view valid until x changes) and the pressure's (on all ranks)."""
+        values = x.array_r
+        return values[: self.n], scalar_from_owner(self.comm, float(values[self.n]) if self.extra else 0.0)
+
+    def factorise(self) -> None:
+        """Factorise K as it is now."""
+        pc = self._direct.getPC()
+        self.K.stateIncrease()
+        pc.setReusePreconditioner(False)
+        self._direct.setUp()
+        pc.setReusePreconditioner(True)
+        self.factorisations += 1
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Take up a new q: z = K^-1 q with the factorisation at hand, and the compliance dV/dP = q . z."""
+        self._direct.solve(self.q, self.z)
+        self.compliance = self.q.dot(self.z)
+
+    # PETSc calls these: of the matrix, and of the preconditioner.
+
+    def mult(self, mat: Any, x: Any, y: Any) -> None:
+        body, dP = self.split(x)
+        self._r.array_w[:] = body
+        self.K.mult(self._r, self._y)
+        self._y.axpy(-dP, self.q)
+        self.join(y, self._y.array_r, self.control.volume * self.q.dot(self._r) + self.control.pressure * dP)
+
+    def apply(self, pc: Any, x: Any, y: Any) -> None:
+        body, c = self.split(x)
+        self._r.array_w[:] = body
+        self._direct.solve(self._r, self._y)
+        a, b = self.control.volume, self.control.pressure
+        dP = (c - a * self.q.dot(self._y)) / (a * self.compliance + b)
+        self._y.axpy(dP, self.z)
+        self.join(y, self._y.array_r, dP)

@@ -1,0 +1,335 @@
+"""Equilibrium of a pressurised body: one potential, one solver for every control.
+
+Pi(u, p; P) = int shape(F) + p (J - 1) - p^2 / (2 bulk) dX - P V(u)
+
+Residual and tangent are its derivatives, so the follower pressure's stiffness and the symmetry come along. Inside, lengths
+are in sizes of the device and stresses in shear moduli.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.body import QUADRATURE_DEGREE, Body
+from softmodels.bordered import Bordered
+from softmodels.controls import Control
+from softmodels.materials import Material, MaterialError
+from softmodels.parallel import largest, total
+from softmodels.strain import Strain
+
+FORMULATIONS = ("mixed", "displacement")
+TOLERANCE = 1e-9  # residual against the load of the cavity pressure
+FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance any finer
+MOST_ITERATIONS = 15
+STALE = 14  # GMRES iterations after which the kept factorisation has earned its replacement
+
+
+class NoConvergence(RuntimeError):
+    """Newton's method found no state; the message says how it ended."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class State:
+    """A state of equilibrium, dimensionless.
+
+    Attributes:
+        w: Local dof values with ghosts, shape (n,): skew displacement components and, if mixed, p.
+        P: Cavity pressure.
+        V: Volume of the cavity, of the slice in 3-D.
+        iterations: Newton iterations that led here.
+        rate: dw/dP, shape of ``w``, or None where not asked for.
+        compliance: dV/dP along the path; infinite at a limit point, negative past it.
+    """
+
+    w: npt.NDArray[np.float64]
+    P: float
+    V: float
+    iterations: int = 0
+    rate: npt.NDArray[np.float64] | None = None
+    compliance: float = math.nan
+
+
+class Equilibrium:
+    """The discrete equations of a body of one material.
+
+    Args:
+        body: Mesh and roles.
+        material: Law and parameters.
+        formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
+
+    Raises:
+        MaterialError: An incompressible material in the displacement formulation.
+    """
+
+    def __init__(self, body: Body, material: Material, formulation: str = "mixed"):
+        import basix.ufl
+        import ufl
+        from dolfinx import fem
+        from dolfinx.fem import petsc as fem_petsc
+
+        if formulation not in FORMULATIONS:
+            raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
+        self.mixed = formulation == "mixed"
+        if not self.mixed and math.isinf(material.bulk):
+            raise MaterialError("poisson = 0.5 needs the mixed formulation: displacements alone would lock")
+        self.body, self.material, self.formulation = body, material, formulation
+        mesh, cell = body.mesh, body.mesh.basix_cell()
+        self.comm = mesh.comm
+        vector = basix.ufl.element("P", cell, 2, shape=(mesh.geometry.dim,))
+        element = basix.ufl.mixed_element([vector, basix.ufl.element("P", cell, 1)]) if self.mixed else vector
+        self.space = fem.functionspace(mesh, element)
+        self.w = fem.Function(self.space)
+        test, trial = ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
+        y, p = ufl.split(self.w) if self.mixed else (self.w, None)
+
+        self.P = fem.Constant(mesh, 0.0)
+        self.parameters = _constants(mesh, material)
+        self.bulk = fem.Constant(mesh, 0.0)  # inverse bulk if mixed: it may vanish, the bulk may not be infinite
+        self.set_material(material)
+        self.F = body.deformation_gradient(y)
+        strain = Strain(self.F)
+        density = material.shape(strain, self.parameters)
+        if self.mixed:
+            density += p * (strain.J - 1) - self.bulk / 2 * p**2
+        else:
+            density += self.bulk / 2 * (strain.J - 1) ** 2
+        dx, ds = body.measures()
+        stored = density * body.hoop * dx
+        volume = body.volume_integrand(y) * ds
+        inner, load = ufl.derivative(stored, self.w, test), ufl.derivative(volume, self.w, test)
+        jit = {"cffi_extra_compile_args": ["-O2"]}
+        form = functools.partial(fem.form, jit_options=jit)
+        self._stored, self._volume = form(stored), form(volume)
+        self._inner, self._load = form(inner), form(load)
+        self._tangent = form(ufl.derivative(inner - self.P * load, self.w, trial))
+
+        displacement = self.space.sub(0) if self.mixed else self.space
+        zero = np.array(0.0)
+        self.bcs = [
+            fem.dirichletbc(zero, dofs, displacement.sub(component)) for component, dofs in body.held(displacement)
+        ]
+        self.K = fem_petsc.create_matrix(self._tangent)
+        self.K.setOption(self.K.Option.SYMMETRIC, True)
+        self.K.setOption(self.K.Option.SYMMETRY_ETERNAL, True)
+        self.system = Bordered(self.K)
+        self._vector = fem.Function(self.space)
+        self._points, weights = basix.make_quadrature(cell, QUADRATURE_DEGREE)
+        self._J = fem.Expression(strain.J, self._points, jit_options=jit)
+        self.cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+        self.n = self.system.n
+        self._make_solver()
+
+    def set_material(self, material: Material) -> None:
+        """Take other values of the same law; nothing is compiled again."""
+        mu = material.shear_modulus_0
+        for field in dataclasses.fields(material):
+            value = np.asarray(getattr(material, field.name), dtype=float)
+            getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
+        self.bulk.value = mu / material.bulk if self.mixed else material.bulk / mu
+        self.material = material
+
+    # -- scales -------------------------------------------------------------------------------------------------------
+
+    @property
+    def stress_unit(self) -> float:
+        """Pa in one dimensionless stress."""
+        return self.material.shear_modulus_0
+
+    @property
+    def length_unit(self) -> float:
+        """Metres in one dimensionless length."""
+        return self.body.actuator.size
+
+    @property
+    def volume_unit(self) -> float:
+        """m3 of the whole device in one dimensionless volume of the slice."""
+        return self.length_unit**3 * self.body.actuator.copies
+
+    # -- assembly -----------------------------------------------------------------------------------------------------
+
+    def _take(self, x: Any) -> float:
+        body, P = self.system.split(x)
+        self.w.x.array[: self.n] = body
+        self.w.x.scatter_forward()
+        self.P.value = P
+        return P
+
+    def _assemble(self, form: Any) -> npt.NDArray[np.float64]:
+        """Assembled linear form, owned entries, zero at held dofs."""
+        from dolfinx import fem, la
+
+        b = self._vector.x
+        b.array[:] = 0.0
+        fem.assemble_vector(b.array, form)
+        b.scatter_reverse(la.InsertMode.add)
+        for bc in self.bcs:
+            bc.set(b.array, alpha=0.0)
+        return b.array[: self.n]
+
+    def _scalar(self, form: Any) -> float:
+        from dolfinx import fem
+
+        return total(self.comm, fem.assemble_scalar(form))
+
+    def volume(self) -> float:
+        """Cavity volume of the current state."""
+        return self._scalar(self._volume)
+
+    def stored_energy(self) -> float:
+        """Energy stored in the body in the current state."""
+        return self._scalar(self._stored)
+
+    def smallest_J(self) -> float:
+        """Smallest volume ratio at the integration points of the current state."""
+        values = self._J.eval(self.body.mesh, self.cells)
+        return -largest(self.comm, -float(values.min()) if values.size else -math.inf)
+
+    def _residual(self, snes: Any, x: Any, f: Any) -> None:
+        P = self._take(x)
+        self.system.q.array_w[:] = self._assemble(self._load)
+        inner = self._assemble(self._inner)
+        control = self.system.control
+        gap = control.value(self.volume() if control.volume else 0.0, P) - control.target
+        self.system.join(f, inner - P * self.system.q.array_r, gap)
+
+    def _assemble_tangent(self) -> None:
+        from dolfinx.fem import petsc as fem_petsc
+
+        self.K.zeroEntries()
+        fem_petsc.assemble_matrix(self.K, self._tangent, bcs=self.bcs)
+        self.K.assemble()
+
+    def _jacobian(self, snes: Any, x: Any, J: Any, P: Any) -> None:
+        self._take(x)
+        self._assemble_tangent()
+        if self.system.factorisations == 0 or self._linear_iterations > STALE:
+            self.system.factorise()
+            self._linear_iterations = 0
+        else:
+            self.system.refresh()
+        J.assemble()
+
+    # -- Newton's method ----------------------------------------------------------------------------------------------
+
+    def _make_solver(self) -> None:
+        from petsc4py import PETSc
+
+        self._linear_iterations = 0
+        self._x = self.system.vector()
+        snes = self.snes = PETSc.SNES().create(self.comm)
+        snes.setType("newtonls")
+        snes.setFunction(self._residual, self.system.vector())
+        snes.setJacobian(self._jacobian, self.system.mat)
+        snes.getLineSearch().setType("basic")
+        snes.setLineSearchPreCheck(self._guard)
+        snes.setConvergenceTest(self._converged)
+        snes.setMaxLinearSolveFailures(3)
+        ksp = snes.getKSP()
+        ksp.setType("gmres")
+        ksp.setGMRESRestart(60)
+        ksp.setPCSide(PETSc.PC.Side.RIGHT)
+        ksp.setTolerances(rtol=1e-4, atol=0.0, max_it=60)
+        pc = ksp.getPC()
+        pc.setType("python")
+        pc.setPythonContext(self.system)
+        snes.setFromOptions()
+
+    def _guard(self, x: Any, y: Any) -> bool:
+        """Shorten Newton's step y (the next iterate is x - y) until no integration point turns inside out."""
+        self._linear_iterations = max(self._linear_iterations, self.snes.getKSP().getIterationNumber())
+        self._take(x)
+        least = 0.1 * self.smallest_J()
+        trial, factor = x.duplicate(), 1.0
+        for _ in range(8):
+            x.copy(trial)
+            trial.axpy(-factor, y)
+            self._take(trial)
+            if self.smallest_J() > least:
+                break
+            factor /= 2
+        y.scale(factor)
+        return factor < 1.0
+
+    def _converged(self, snes: Any, iteration: int, norms: tuple[float, float, float]) -> Any:
+        from petsc4py import PETSc
+
+        _, update, residual = norms
+        if not math.isfinite(residual):
+            return PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
+        if iteration == 0:
+            self._first = residual
+        tolerance = TOLERANCE * max(abs(float(self.P.value)), FLOOR) * self.system.q.norm()
+        if residual <= tolerance:
+            return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
+        if iteration >= MOST_ITERATIONS:
+            return PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
+        if iteration >= 3 and residual > 1e3 * self._first:
+            return PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+        return PETSc.SNES.ConvergedReason.ITERATING
+
+    def solve(self, control: Control, w: npt.NDArray[np.float64], P: float) -> State:
+        """Find the state on the control's line, starting from the guess (w, P).
+
+        Raises:
+            NoConvergence: Newton's method did not get there. The functions hold its last iterate.
+        """
+        self.system.control = control
+        self.system.join(self._x, w[: self.n], P)
+        self.snes.solve(None, self._x)
+        reason = self.snes.getConvergedReason()
+        if reason <= 0:
+            self._linear_iterations = STALE + 1  # what led here is no preconditioner to go on with
+            raise NoConvergence(_REASONS.get(reason, f"PETSc's reason {reason}"))
+        P = self._take(self._x)
+        return State(self.w.x.array.copy(), P, self.volume(), self.snes.getIterationNumber())
+
+    def load(self, state: State) -> None:
+        """Make ``state`` the current state of the functions."""
+        self.w.x.array[:] = state.w
+        self.P.value = state.P
+
+    def with_rate(self, state: State) -> State:
+        """The state with its path tangent, from a fresh factorisation at the state; it is kept for the next solve."""
+        self.load(state)
+        self.system.q.array_w[:] = self._assemble(self._load)
+        self._assemble_tangent()
+        self.system.factorise()
+        self._linear_iterations = 0
+        rate = self._vector.x
+        rate.array[: self.n] = self.system.z.array_r
+        rate.scatter_forward()
+        return dataclasses.replace(state, rate=rate.array.copy(), compliance=self.system.compliance)
+
+    def rest(self) -> State:
+        """The undeformed state at no pressure."""
+        self.w.x.array[:] = 0.0
+        self.P.value = 0.0
+        return State(self.w.x.array.copy(), 0.0, self.volume())
+
+
+_REASONS = {
+    -3: "the linear solver failed",
+    -4: "the residual is not a number",
+    -5: f"no convergence in {MOST_ITERATIONS} iterations",
+    -9: "the residual grew a thousandfold",
+}
+
+
+def _constants(mesh: Any, material: Material) -> Any:
+    """UFL constants under the material's parameter names."""
+    import types
+
+    from dolfinx import fem
+
+    return types.SimpleNamespace(
+        **{
+            field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
+            for field in dataclasses.fields(material)
+        }
+    )

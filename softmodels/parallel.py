@@ -1,0 +1,85 @@
+"""The one place that knows of ranks: start-up, who may speak, and errors that all ranks must see together."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+def start(petsc_options: Sequence[str] = ()) -> Any:
+    """Import MPI, PETSc and DOLFINx in the order they need and return the world communicator.
+
+    Args:
+        petsc_options: Words for PETSc's option database, read once, at the first call in a process.
+    """
+    # More BLAS threads than cores slow MUMPS several times over; a user's own setting stands.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    try:
+        import dolfinx_solver  # noqa: F401  the wheel from PyPI orders MPI ahead of everything compiled
+    except ImportError:
+        pass  # conda, Debian or a container: the upstream modules stand alone
+    import petsc4py
+
+    petsc4py.init([sys.argv[0], *petsc_options])
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def is_root(comm: Any) -> bool:
+    return bool(comm.rank == 0)
+
+
+def owns_scalar(comm: Any) -> bool:
+    """Whether this rank holds the one global unknown, the cavity pressure: the last one."""
+    return bool(comm.rank == comm.size - 1)
+
+
+def scalar_from_owner(comm: Any, value: float) -> float:
+    return float(comm.bcast(value, root=comm.size - 1))
+
+
+def on_root(comm: Any, task: Callable[[], T]) -> T:
+    """Run ``task`` on rank 0 and return its result on all; if it raises, every rank raises the same exception."""
+    outcome: tuple[bool, Any] = (True, None)
+    if is_root(comm):
+        try:
+            outcome = (True, task())
+        except Exception as error:
+            outcome = (False, error)
+    if comm.size > 1:
+        outcome = comm.bcast(outcome, root=0)
+    done, value = outcome
+    if not done:
+        raise value
+    return value  # type: ignore[no-any-return]
+
+
+def total(comm: Any, value: float) -> float:
+    from mpi4py import MPI
+
+    return float(comm.allreduce(value, op=MPI.SUM))
+
+
+def largest(comm: Any, value: float) -> float:
+    from mpi4py import MPI
+
+    return float(comm.allreduce(value, op=MPI.MAX))
+
+
+def abort_on_error(comm: Any) -> None:
+    """Make an exception on one rank end all: the others would wait for it in a collective for ever."""
+    if comm.size == 1:
+        return
+    usual = sys.excepthook
+
+    def hook(kind: Any, error: Any, trace: Any) -> None:
+        usual(kind, error, trace)
+        sys.stderr.flush()
+        comm.Abort(1)
+
+    sys.excepthook = hook

@@ -1,0 +1,148 @@
+"""Measures of strain under one set of names, for UFL fields and for numpy numbers.
+
+An energy is written once against these names. `Strain` builds them from a deformation gradient in UFL, and
+`HomogeneousStrain` from principal stretches in numpy (real or complex, so that a complex step differentiates it).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any, Protocol
+
+import numpy as np
+
+
+class StrainMeasures(Protocol):
+    """What an energy may ask of a deformation. All dimensionless.
+
+    Attributes:
+        J: Volume ratio det F.
+        I1: First invariant tr C.
+        I2: Second invariant of C.
+        I1_bar: First invariant of the isochoric part, J^(-2/3) I1.
+        I2_bar: Second invariant of the isochoric part, J^(-4/3) I2.
+        stretches_bar: The three isochoric principal stretches J^(-1/3) lambda_i.
+    """
+
+    @property
+    def J(self) -> Any: ...
+    @property
+    def I1(self) -> Any: ...
+    @property
+    def I2(self) -> Any: ...
+    @property
+    def I1_bar(self) -> Any: ...
+    @property
+    def I2_bar(self) -> Any: ...
+    @property
+    def stretches_bar(self) -> tuple[Any, Any, Any]: ...
+    def log(self, x: Any) -> Any: ...
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Strain:
+    """Strain measures of a UFL deformation gradient ``F`` (3 x 3)."""
+
+    F: Any
+
+    @functools.cached_property
+    def C(self) -> Any:
+        return self.F.T * self.F
+
+    @functools.cached_property
+    def J(self) -> Any:
+        import ufl
+
+        return ufl.det(self.F)
+
+    @functools.cached_property
+    def I1(self) -> Any:
+        import ufl
+
+        return ufl.tr(self.C)
+
+    @functools.cached_property
+    def I2(self) -> Any:
+        import ufl
+
+        return (self.I1**2 - ufl.inner(self.C, self.C)) / 2
+
+    @functools.cached_property
+    def I1_bar(self) -> Any:
+        return self.J ** (-2 / 3) * self.I1
+
+    @functools.cached_property
+    def I2_bar(self) -> Any:
+        return self.J ** (-4 / 3) * self.I2
+
+    @functools.cached_property
+    def stretches_bar(self) -> tuple[Any, Any, Any]:
+        import ufl
+
+        return tuple(ufl.sqrt(value) for value in eigenvalues(self.J ** (-2 / 3) * self.C))  # type: ignore[return-value]
+
+    @staticmethod
+    def log(x: Any) -> Any:
+        import ufl
+
+        return ufl.ln(x)
+
+
+def eigenvalues(A: Any, gap: float = 1e-4) -> tuple[Any, Any, Any]:
+    """Eigenvalues of a symmetric 3 x 3 UFL tensor near the identity's size, differentiable where they coincide.
+
+    The trigonometric closed form (Smith 1961, doi 10.1145/355578.366316) has no derivative at repeated eigenvalues, which
+    is where every simulation starts. Its radius and its cosine are kept ``gap`` away from their singular values; since
+    they stay isotropic functions of A, sums over the eigenvalues are off by about ``gap**2`` only, and a second derivative
+    loses about ``1e-16 / gap**2``: the two meet at the default.
+    """
+    import ufl
+
+    mean = ufl.tr(A) / 3
+    deviator = A - mean * ufl.Identity(3)
+    radius = ufl.sqrt(ufl.inner(deviator, deviator) / 6 + gap**2)
+    cosine = (1 - gap**2) * ufl.det(deviator) / (2 * radius**3)
+    angle = ufl.acos(cosine) / 3
+    first, second = (mean + 2 * radius * ufl.cos(angle + shift) for shift in (0.0, 2 * np.pi / 3))
+    return first, second, 3 * mean - first - second
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class HomogeneousStrain:
+    """Strain measures of principal stretches given as numpy arrays of one shape (real or complex)."""
+
+    stretches: tuple[Any, Any, Any]
+
+    @functools.cached_property
+    def J(self) -> Any:
+        a, b, c = self.stretches
+        return a * b * c
+
+    @functools.cached_property
+    def I1(self) -> Any:
+        a, b, c = self.stretches
+        return a * a + b * b + c * c
+
+    @functools.cached_property
+    def I2(self) -> Any:
+        a, b, c = self.stretches
+        return (a * b) ** 2 + (b * c) ** 2 + (c * a) ** 2
+
+    @functools.cached_property
+    def I1_bar(self) -> Any:
+        return self.J ** (-2 / 3) * self.I1
+
+    @functools.cached_property
+    def I2_bar(self) -> Any:
+        return self.J ** (-4 / 3) * self.I2
+
+    @functools.cached_property
+    def stretches_bar(self) -> tuple[Any, Any, Any]:
+        scale = self.J ** (-1 / 3)
+        a, b, c = self.stretches
+        return scale * a, scale * b, scale * c
+
+    @staticmethod
+    def log(x: Any) -> Any:
+        return np.log(x)
