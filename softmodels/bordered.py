@@ -11,6 +11,7 @@ point the whole system is regular although K is not.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from softmodels.controls import Control
@@ -23,13 +24,15 @@ class Bordered:
     Vectors of the whole system hold the body's unknowns, then on the last rank the pressure.
 
     Args:
-        K: Tangent matrix (PETSc Mat, symmetric); its values may change, its pattern may not.
+        K: Tangent matrix (PETSc Mat, symmetric) to factorise; its values may change, its pattern may not.
+        product: ``product(x, y)`` puts the current tangent times x into y (local owned arrays). Where K was factorised at
+            an earlier state, this is what makes the solution that of the present one.
     """
 
-    def __init__(self, K: Any):
+    def __init__(self, K: Any, product: Callable[[Any, Any], None]):
         from petsc4py import PETSc
 
-        self.K, self.comm = K, K.comm.tompi4py()
+        self.K, self.product, self.comm = K, product, K.comm.tompi4py()
         self.n = K.getLocalSize()[0]
         self.extra = int(owns_scalar(self.comm))
         self.q, self.z = K.createVecRight(), K.createVecRight()
@@ -37,13 +40,11 @@ class Bordered:
         self.control = Control(0.0, 1.0, 0.0)
         self.compliance = 0.0
         self.factorisations = 0
-        self._direct = PETSc.KSP().create(K.comm)
+        self._direct = PETSc.PC().create(K.comm)
         self._direct.setOptionsPrefix("body_")
-        self._direct.setOperators(K)
-        self._direct.setType("preonly")
-        pc = self._direct.getPC()
-        pc.setType("cholesky")
-        pc.setFactorSolverType("mumps")
+        self._direct.setOperators(K, K)
+        self._direct.setType("cholesky")
+        self._direct.setFactorSolverType("mumps")
         self._direct.setFromOptions()
         size = (self.n + self.extra, PETSc.DETERMINE)
         self.mat = PETSc.Mat().createPython((size, size), context=self, comm=K.comm)
@@ -66,17 +67,15 @@ class Bordered:
 
     def factorise(self) -> None:
         """Factorise K as it is now."""
-        pc = self._direct.getPC()
-        self.K.stateIncrease()
-        pc.setReusePreconditioner(False)
+        self._direct.setReusePreconditioner(False)
         self._direct.setUp()
-        pc.setReusePreconditioner(True)
+        self._direct.setReusePreconditioner(True)
         self.factorisations += 1
         self.refresh()
 
     def refresh(self) -> None:
         """Take up a new q: z = K^-1 q with the factorisation at hand, and the compliance dV/dP = q . z."""
-        self._direct.solve(self.q, self.z)
+        self._direct.apply(self.q, self.z)
         self.compliance = self.q.dot(self.z)
 
     # PETSc calls these: of the matrix, and of the preconditioner.
@@ -84,14 +83,14 @@ class Bordered:
     def mult(self, mat: Any, x: Any, y: Any) -> None:
         body, dP = self.split(x)
         self._r.array_w[:] = body
-        self.K.mult(self._r, self._y)
+        self.product(body, self._y.array_w)
         self._y.axpy(-dP, self.q)
         self.join(y, self._y.array_r, self.control.volume * self.q.dot(self._r) + self.control.pressure * dP)
 
     def apply(self, pc: Any, x: Any, y: Any) -> None:
         body, c = self.split(x)
         self._r.array_w[:] = body
-        self._direct.solve(self._r, self._y)
+        self._direct.apply(self._r, self._y)
         a, b = self.control.volume, self.control.pressure
         dP = (c - a * self.q.dot(self._y)) / (a * self.compliance + b)
         self._y.axpy(dP, self.z)

@@ -27,7 +27,8 @@ FORMULATIONS = ("mixed", "displacement")
 TOLERANCE = 1e-9  # residual against the load of the cavity pressure
 FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance any finer
 MOST_ITERATIONS = 15
-STALE = 14  # GMRES iterations after which the kept factorisation has earned its replacement
+LINEAR_TOLERANCE = 1e-4
+STALE = 10  # GMRES iterations after which the kept factorisation has earned its replacement
 
 
 class NoConvergence(RuntimeError):
@@ -43,16 +44,28 @@ class State:
         P: Cavity pressure.
         V: Volume of the cavity, of the slice in 3-D.
         iterations: Newton iterations that led here.
-        rate: dw/dP, shape of ``w``, or None where not asked for.
-        compliance: dV/dP along the path; infinite at a limit point, negative past it.
     """
 
     w: npt.NDArray[np.float64]
     P: float
     V: float
     iterations: int = 0
-    rate: npt.NDArray[np.float64] | None = None
-    compliance: float = math.nan
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Tangent:
+    """Direction of the path at a state: changes of w (shape as `State.w`), P and V; P rises where V does and dP > 0.
+
+    The compliance dV/dP is infinite at a limit point and negative past it.
+    """
+
+    w: npt.NDArray[np.float64]
+    P: float
+    V: float
+
+    @property
+    def compliance(self) -> float:
+        return self.V / self.P if self.P else math.inf
 
 
 class Equilibrium:
@@ -107,7 +120,10 @@ class Equilibrium:
         form = functools.partial(fem.form, jit_options=jit)
         self._stored, self._volume = form(stored), form(volume)
         self._inner, self._load = form(inner), form(load)
-        self._tangent = form(ufl.derivative(inner - self.P * load, self.w, trial))
+        residual = inner - self.P * load
+        self._direction = fem.Function(self.space)
+        self._product = form(ufl.derivative(residual, self.w, self._direction))
+        self._tangent = form(ufl.derivative(residual, self.w, trial))
 
         displacement = self.space.sub(0) if self.mixed else self.space
         zero = np.array(0.0)
@@ -117,7 +133,7 @@ class Equilibrium:
         self.K = fem_petsc.create_matrix(self._tangent)
         self.K.setOption(self.K.Option.SYMMETRIC, True)
         self.K.setOption(self.K.Option.SYMMETRY_ETERNAL, True)
-        self.system = Bordered(self.K)
+        self.system = Bordered(self.K, self._multiply)
         self._vector = fem.Function(self.space)
         self._points, weights = basix.make_quadrature(cell, QUADRATURE_DEGREE)
         self._J = fem.Expression(strain.J, self._points, jit_options=jit)
@@ -205,10 +221,22 @@ class Equilibrium:
         fem_petsc.assemble_matrix(self.K, self._tangent, bcs=self.bcs)
         self.K.assemble()
 
+    def _multiply(self, x: Any, y: Any) -> None:
+        """Tangent of the current state times x. Far cheaper than assembling the matrix, and only good for products."""
+        d = self._direction.x
+        d.array[: self.n] = x
+        for bc in self.bcs:
+            bc.set(d.array, alpha=0.0)
+        d.scatter_forward()
+        y[:] = self._assemble(self._product)
+        for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
+            dofs, owned = bc.dof_indices()
+            y[dofs[:owned]] = x[dofs[:owned]]
+
     def _jacobian(self, snes: Any, x: Any, J: Any, P: Any) -> None:
         self._take(x)
-        self._assemble_tangent()
         if self.system.factorisations == 0 or self._linear_iterations > STALE:
+            self._assemble_tangent()
             self.system.factorise()
             self._linear_iterations = 0
         else:
@@ -221,10 +249,10 @@ class Equilibrium:
         from petsc4py import PETSc
 
         self._linear_iterations = 0
-        self._x = self.system.vector()
+        self._x, self._f, self._y = self.system.vector(), self.system.vector(), self.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(self.comm)
         snes.setType("newtonls")
-        snes.setFunction(self._residual, self.system.vector())
+        snes.setFunction(self._residual, self._f)
         snes.setJacobian(self._jacobian, self.system.mat)
         snes.getLineSearch().setType("basic")
         snes.setLineSearchPreCheck(self._guard)
@@ -234,7 +262,7 @@ class Equilibrium:
         ksp.setType("gmres")
         ksp.setGMRESRestart(60)
         ksp.setPCSide(PETSc.PC.Side.RIGHT)
-        ksp.setTolerances(rtol=1e-4, atol=0.0, max_it=60)
+        ksp.setTolerances(rtol=LINEAR_TOLERANCE, atol=0.0, max_it=60)
         pc = ksp.getPC()
         pc.setType("python")
         pc.setPythonContext(self.system)
@@ -294,17 +322,45 @@ class Equilibrium:
         self.w.x.array[:] = state.w
         self.P.value = state.P
 
-    def with_rate(self, state: State) -> State:
-        """The state with its path tangent, from a fresh factorisation at the state; it is kept for the next solve."""
+    def factorise(self, state: State) -> None:
+        """Factorise the tangent at ``state``, to be kept for the solves that follow."""
         self.load(state)
         self.system.q.array_w[:] = self._assemble(self._load)
         self._assemble_tangent()
         self.system.factorise()
         self._linear_iterations = 0
-        rate = self._vector.x
-        rate.array[: self.n] = self.system.z.array_r
-        rate.scatter_forward()
-        return dataclasses.replace(state, rate=rate.array.copy(), compliance=self.system.compliance)
+
+    @property
+    def stale(self) -> bool:
+        """Whether the kept factorisation has grown too old to go on with."""
+        return self.system.factorisations == 0 or self._linear_iterations > STALE
+
+    def tangent(self, state: State, control: Control) -> Tangent:
+        """Direction of the path at a state, scaled to one unit of the control's line.
+
+        Raises:
+            NoConvergence: The linear solver did not get there (the line runs along the path, say).
+        """
+        self.load(state)
+        system, ksp = self.system, self.snes.getKSP()
+        system.q.array_w[:] = self._assemble(self._load)
+        system.control = control
+        system.refresh()
+        rhs, x = self._f, self._x
+        system.join(rhs, 0.0, 1.0)
+        system.mat.assemble()
+        ksp.setOperators(system.mat)
+        ksp.setTolerances(rtol=1e-8)
+        ksp.solve(rhs, x)
+        ksp.setTolerances(rtol=LINEAR_TOLERANCE)
+        if ksp.getConvergedReason() <= 0:
+            raise NoConvergence("the linear solver failed on the path's direction")
+        body, dP = system.split(x)
+        direction = self._direction.x
+        direction.array[: self.n] = body
+        direction.scatter_forward()
+        self._y.array_w[:] = body
+        return Tangent(direction.array.copy(), dP, system.q.dot(self._y))
 
     def rest(self) -> State:
         """The undeformed state at no pressure."""

@@ -1,0 +1,328 @@
+"""Following a device along its load path: `trace` yields one `Point` after another.
+
+Steps are predicted from the last two states and their tangents (a cubic), corrected by Newton's method, halved on failure
+with nothing lost (states are values), and lengthened where Newton is quick. Requested values are hit exactly. A requested
+value that the current control's line cannot meet directly is bracketed by two states and solved for in between.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from softmodels.controls import Control, arc_length, pressure_control, volume_control
+from softmodels.equilibrium import Equilibrium, NoConvergence, State, Tangent
+
+CONTROLS = ("auto", "pressure", "volume", "arc-length")
+QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
+GROWTH = 1.7
+SOFTENING = 4.0  # growth of dV/dP over its least value at which `auto` leaves the pressure for the volume
+PAST_LIMIT = 0.1  # how far `auto` goes on past a limit point, in volumes added up to it
+FARTHEST = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Point:
+    """One state of a path.
+
+    Attributes:
+        state: The state (dimensionless).
+        tangent: Direction of the path there.
+        requested: Whether this is one of the requested values.
+        limit: Whether this is a limit point of the pressure.
+        step: Length of the next step in units of ``line``.
+        line: What the path is following here: pressure, volume or arc-length.
+        factorised: Whether the tangent matrix was factorised at this state (a restart has to do the same).
+    """
+
+    state: State
+    tangent: Tangent
+    requested: bool
+    limit: bool
+    step: float
+    line: str
+    factorised: bool
+
+
+class PathEnd(Exception):
+    """The path cannot go on to what was requested. ``limit`` is the limit point met, or None; ``why`` a clause."""
+
+    def __init__(self, why: str, limit: Point | None = None):
+        super().__init__(why)
+        self.limit = limit
+
+
+@dataclasses.dataclass
+class Path:
+    """The state of a trace: its last two points, and the step in use.
+
+    Args:
+        equilibrium: The device.
+        control: One of `CONTROLS`.
+        quantity: What the requested values are: ``"pressure"`` or ``"volume"`` (added volume), dimensionless.
+        first_step: First step in units of the control's own quantity, or None for the default.
+    """
+
+    equilibrium: Equilibrium
+    control: str = "auto"
+    quantity: str = "pressure"
+    first_step: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.control not in CONTROLS:
+            raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
+        self.points: list[Point] = []
+        self.line = {"auto": self.quantity}.get(self.control, self.control)
+        self.stiffest = math.inf
+        self.report: Callable[[str], None] = lambda text: None
+
+    # -- scales, from the undeformed device ---------------------------------------------------------------------------
+
+    def begin(self) -> Point:
+        """The undeformed point; sets the scales of the plane in which arc lengths are measured."""
+        eq = self.equilibrium
+        rest = eq.rest()
+        eq.factorise(rest)
+        self.V0 = rest.V
+        tangent = eq.tangent(rest, Control(1 / self.V0, 1.0, 0.0))
+        self.P_scale = self.V0 / tangent.compliance
+        step = self.first_step or {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0}.get(self.line, 0.1)
+        return self.keep(Point(rest, tangent, False, False, step, self.line, True))
+
+    def resume(self, points: Sequence[Point]) -> None:
+        """Go on from the last points of an earlier trace: same predictor, same factorisation, same numbers."""
+        self.begin()
+        self.points = []
+        for point in points:
+            if point.factorised:
+                self.equilibrium.factorise(point.state)
+            self.keep(dataclasses.replace(point, tangent=self.tangent(point.state)))
+        self.line = points[-1].line
+
+    def keep(self, point: Point) -> Point:
+        self.stiffest = min(self.stiffest, abs(point.tangent.compliance))
+        self.points = [*self.points[-1:], point]
+        return point
+
+    @property
+    def last(self) -> Point:
+        return self.points[-1]
+
+    def value(self, state: State) -> float:
+        """The requested quantity at a state."""
+        return state.P if self.quantity == "pressure" else state.V - self.V0
+
+    def target(self, value: float) -> Control:
+        """The line on which the requested quantity has this value."""
+        return pressure_control(value) if self.quantity == "pressure" else volume_control(value + self.V0)
+
+    # -- one step -----------------------------------------------------------------------------------------------------
+
+    def tangent(self, state: State) -> Tangent:
+        """Direction at a state, kept pointing forward; measured square to the last direction, so regular at limits."""
+        if self.points:
+            t = self.last.tangent
+            line = arc_length(0.0, 0.0, t.V, t.P, 0.0, self.V0, self.P_scale)
+        else:
+            line = Control(1 / self.V0, 1.0, 0.0)
+        return self.equilibrium.tangent(state, line)
+
+    def ahead(self, step: float) -> Control:
+        """The line that lies ``step`` ahead of the last point, for what the path is following."""
+        s, t = self.last.state, self.last.tangent
+        if self.line == "pressure":
+            return pressure_control(s.P + step)
+        if self.line == "volume":
+            return volume_control(s.V + step)
+        return arc_length(s.V, s.P, t.V, t.P, step, self.V0, self.P_scale)
+
+    def solve(self, line: Control, around: Sequence[Point]) -> State:
+        """The state on a line, guessed by the cubic through one or two points and their tangents."""
+        w, P = predict(around, line)
+        return self.equilibrium.solve(line, w, P)
+
+    def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
+        eq = self.equilibrium
+        stale = eq.stale
+        if stale:
+            eq.factorise(state)
+        tangent = self.tangent(state)
+        return Point(state, tangent, requested, limit, self.last.step if step is None else step, self.line, stale)
+
+    def advance(self, step: float, goal: float) -> Point:
+        """One step towards the requested value ``goal``; shortened until it succeeds.
+
+        Raises:
+            PathEnd: Not even the shortest step succeeded.
+        """
+        shortest = 1e-5 * step
+        direct = self.line == self.quantity
+        left = goal - self.value(self.last.state)
+        while True:
+            hit = direct and left <= step * (1 + 1e-9)
+            # Equal shares of what is left: no sliver of a step before a requested value.
+            share = left if hit else left / math.ceil(left / step - 1e-9) if direct and left < 3 * step else step
+            line = self.target(goal) if hit else self.ahead(share)
+            try:
+                state = self.solve(line, self.points)
+                if hit:
+                    state = dataclasses.replace(state, **({"P": goal} if self.quantity == "pressure" else {}))
+                change = GROWTH if state.iterations <= QUICK else 1.0 if state.iterations < SLOW else 0.6
+                return self.point(state, requested=hit, step=max(step, share) * change if change > 1 else share * change)
+            except NoConvergence as failure:
+                self.report(f"step of {share:.3g} failed ({failure}); halved")
+                step = share / 2
+                if self.control == "auto" and self.line == "pressure" and step < 0.02 * self.last.step:
+                    self.follow("volume")
+                    step, direct, shortest = self.last.step, False, 1e-5 * self.last.step
+                elif step < shortest:
+                    raise PathEnd(f"no step of any length succeeded ({failure})") from failure
+
+    def follow(self, line: str) -> None:
+        """Change what the path follows, with a step of about the same length."""
+        if line == self.line:
+            return
+        self.report(f"following the {line} from here")
+        t = self.last.tangent
+        per = {"pressure": lambda: t.P, "volume": lambda: t.V, "arc-length": lambda: math.hypot(t.V / self.V0, t.P / self.P_scale)}
+        step = abs(self.last.step * per[line]() / per[self.line]())
+        if line == "volume":
+            step = min(step, 0.2 * self.last.state.V)
+        self.line = line
+        self.points[-1] = dataclasses.replace(self.last, step=step, line=line)
+
+    def between(self, before: Point, after: Point, value: float) -> Point:
+        """The point with a requested value that lies between two points."""
+        try:
+            state = self.solve(self.target(value), (before, after))
+            low, high = sorted((before.state.V, after.state.V))
+            margin = 1e-6 * (high - low)
+            if not low - margin <= state.V <= high + margin:
+                raise NoConvergence("another branch")
+        except NoConvergence:
+            state = self._bisect(before, after, lambda p: self.value(p.state) - value)
+        return self.point(state, requested=True)
+
+    def limit(self, before: Point, after: Point) -> Point:
+        """The limit point of the pressure between two points, to about 1e-10 of the pressure."""
+        return self.point(self._bisect(before, after, lambda p: p.tangent.P / p.tangent.V), limit=True)
+
+    def _bisect(self, low: Point, high: Point, f: Callable[[Point], float]) -> State:
+        """Root of f between two points by the Illinois variant of the secant, on lines of given volume."""
+        f_low, f_high = f(low), f(high)
+        scale = max(abs(f_low), abs(f_high))
+        best, side = low, 0
+        for _ in range(25):
+            V = (low.state.V * f_high - high.state.V * f_low) / (f_high - f_low)
+            state = self.solve(volume_control(V), (low, high))
+            best = Point(state, self.tangent(state), False, False, 0.0, self.line, False)
+            value = f(best)
+            if abs(value) <= 1e-7 * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.V0:
+                break
+            if (value > 0) == (f_high > 0):
+                high, f_high = best, value
+                f_low /= 2 if side == 1 else 1
+                side = 1
+            else:
+                low, f_low = best, value
+                f_high /= 2 if side == -1 else 1
+                side = -1
+        return best.state
+
+
+def predict(points: Sequence[Point], line: Control) -> tuple[Any, float]:
+    """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
+
+    The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.
+    """
+    d, w, P, dw, dP = [], [], [], [], []
+    for point in points:
+        s, t = point.state, point.tangent
+        rate = line.value(t.V, t.P)
+        if rate == 0.0:
+            raise NoConvergence("the path runs along the control's line")
+        d.append(line.value(s.V, s.P))
+        w.append(s.w)
+        P.append(s.P)
+        dw.append(t.w / rate)
+        dP.append(t.P / rate)
+    rates_agree = len(points) == 2 and line.value(points[0].tangent.V, points[0].tangent.P) * line.value(
+        points[1].tangent.V, points[1].tangent.P
+    ) > 0
+    h = d[-1] - d[0]
+    if not rates_agree or h == 0.0 or abs(line.target - d[-1]) > 3 * abs(h):
+        ahead = line.target - d[-1]
+        return w[-1] + ahead * dw[-1], P[-1] + ahead * dP[-1]
+    x = (line.target - d[0]) / h
+    a, b = (1 + 2 * x) * (1 - x) ** 2, h * x * (1 - x) ** 2
+    c, e = x * x * (3 - 2 * x), h * x * x * (x - 1)
+
+    def cubic(v: Any, r: Any) -> Any:
+        return a * v[0] + b * r[0] + c * v[1] + e * r[1]
+
+    return cubic(w, dw), float(cubic(np.array(P), np.array(dP)))
+
+
+def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
+    """Follow a device through the requested values, in rising order, and yield every point on the way.
+
+    Args:
+        path: What to follow, and how.
+        goals: Requested pressures or added volumes (dimensionless), rising, none below 0.
+        start: The last points of an interrupted trace, to go on from; goals at or below them are taken as done.
+
+    Yields:
+        Points along the path; those requested are marked, and so are limit points.
+
+    Raises:
+        PathEnd: A requested value is not on this path.
+    """
+    left = list(goals)
+    if start:
+        path.resume(start)
+        done = path.value(path.last.state)
+        left = [goal for goal in left if goal > done * (1 + 1e-12)]
+    else:
+        first = path.begin()
+        requested = bool(left) and left[0] == 0.0
+        yield dataclasses.replace(first, requested=requested)
+        left = left[1:] if requested else left
+    met: Point | None = None
+    while left:
+        before = path.last
+        after = path.advance(before.step, left[0])
+        if path.line == path.quantity:
+            path.keep(after)
+            yield after
+            left = left[1:] if after.requested else left
+        else:
+            passed = before
+            turn = before.tangent.P > 0 > after.tangent.P or before.tangent.P < 0 < after.tangent.P
+            stops = [path.limit(before, after), after] if turn else [after]
+            for stop in stops:
+                while left and path.value(passed.state) < left[0] <= path.value(stop.state):
+                    hit = path.between(passed, stop, left[0])
+                    yield path.keep(hit)
+                    left, passed = left[1:], hit
+                    if not left:
+                        return
+                if stop.limit and met is None and stop.tangent is not None and before.tangent.P > 0:
+                    met = stop
+                yield path.keep(dataclasses.replace(stop, step=after.step))
+                passed = stop
+        added = path.last.state.V - path.V0
+        if met is not None and path.control == "auto":
+            if added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
+                raise PathEnd("the pressure has a limit point", met)
+        elif added > FARTHEST * path.V0:
+            raise PathEnd(f"the cavity has grown {FARTHEST:g} times and the requested value was not met", met)
+        if path.control == "auto" and met is None and path.quantity == "pressure":
+            softened = path.last.tangent.compliance / path.stiffest
+            if path.line == "pressure" and not 0 < softened < SOFTENING:
+                path.follow("volume")
+            elif path.line == "volume" and 0 < softened < SOFTENING / 2:
+                path.follow("pressure")
