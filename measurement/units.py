@@ -68,3 +68,22 @@ def _is_number(text: str) -> bool:
 def pascal_per_cm(density: float = WATER_DENSITY) -> float:
     """Pressure in Pa of one centimetre of a column of liquid with this density in kg/m3."""
     return 0.01 * density * STANDARD_GRAVITY
+
+
+_FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0)}
+
+
+def exact_text(value: float, unit: str) -> str:
+    """The shortest friendly text ("20 mm", "30 kPa") that `quantity` reads back as exactly this value.
+
+    Args:
+        value: Value in ``unit``.
+        unit: As in `quantity`; pure numbers have ``""``.
+    """
+    name, factor = _FRIENDLY.get(unit, (unit, 1.0))
+    for digits in range(1, 18):
+        text = f"{value * factor:.{digits}g} {name}".strip()
+        if quantity(text, unit) == value:
+            return text
+    # Not every float has a text in the friendlier unit that survives the conversion; those stay in their own.
+    return f"{value!r} {unit}".strip()

@@ -83,3 +83,20 @@ def abort_on_error(comm: Any) -> None:
         comm.Abort(1)
 
     sys.excepthook = hook
+
+
+def gathered(comm: Any, values: Any) -> Any:
+    """Rows of all ranks' arrays, one below the other in the order of ranks, on rank 0; None elsewhere."""
+    import numpy as np
+
+    parts = comm.gather(np.ascontiguousarray(values), root=0)
+    return None if parts is None else np.concatenate(parts)
+
+
+def scattered(comm: Any, values: Any, count: int) -> Any:
+    """The reverse of `gathered`: ``count`` rows of rank 0's array for each rank."""
+    import numpy as np
+
+    counts = comm.gather(count, root=0)
+    parts = None if values is None else np.split(values, np.cumsum(counts)[:-1])
+    return comm.scatter(parts, root=0)

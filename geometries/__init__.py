@@ -1,0 +1,20 @@
+"""Geometries of soft pneumatic actuators: parameters in, a mesh with named surfaces out.
+
+Every device is a frozen dataclass in SI units. Its ``write`` makes a second-order Gmsh mesh whose physical groups are
+*roles* ("cavity", "support", "plane0", ...), so that a solver never has to know which device it is given::
+
+    from geometries import HollowDisk
+    HollowDisk(membrane=0.004).write("disk.msh")
+
+The same from a shell is ``python -m geometries HollowDisk --membrane 4mm -o disk.msh``. A new device is one subclass of
+`Actuator` and one line in `ACTUATORS`; command lines and settings files find it there.
+"""
+
+from geometries.actuator import Actuator, CutPlane, Hold
+from geometries.disk import HollowDisk
+from geometries.errors import GeometryError, MeshingError
+
+ACTUATORS: dict[str, type[Actuator]] = {"HollowDisk": HollowDisk}
+"""Every device by the name used in settings files and on command lines."""
+
+__all__ = ["ACTUATORS", "Actuator", "CutPlane", "GeometryError", "Hold", "HollowDisk", "MeshingError"]

@@ -1,0 +1,93 @@
+"""``python -m geometries``: make a mesh file of a device from the command line."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from geometries import ACTUATORS
+from geometries.actuator import Actuator
+from geometries.errors import GeometryError, MeshingError
+from geometries.meshing import summarize
+from geometries.options import device_from, device_options
+
+EXAMPLES = """\b
+Examples:
+  python -m geometries {name} -o disk.msh
+  python -m geometries {name} --variant shadow -o thin.msh
+  python -m geometries {name} --membrane 4mm --cell-size 2mm -o soft.msh
+  python -m geometries {name} --angle 360deg --support base -o full.msh
+  python -m geometries {name} --section axisymmetric -o profile.msh"""
+
+
+@click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.pass_context
+def main(context: click.Context) -> None:
+    """Make the mesh of a soft actuator.
+
+    Lengths and angles are written with their unit, such as 20mm or 45deg. Exit status: 0 mesh written, 1 the mesher
+    failed, 2 the input makes no device or the file cannot be written.
+
+    \b
+    Examples:
+      python -m geometries HollowDisk --help
+      python -m geometries HollowDisk --cavity-radius 12mm --membrane 4mm -o disk.msh
+    """
+    if context.invoked_subcommand is None:
+        click.echo("Devices (python -m geometries DEVICE --help shows the parameters):")
+        for name, device in ACTUATORS.items():
+            click.echo(f"  {name}  {_summary(device)}")
+
+
+def _summary(device: type[Actuator]) -> str:
+    return (device.__doc__ or "").strip().split("\n")[0]
+
+
+def _command(name: str, device: type[Actuator]) -> click.Command:
+    def run(output: Path | None, **values: Any) -> None:
+        _make(device, output, values)
+
+    run.__doc__ = f"{_summary(device)}\n\n{EXAMPLES.format(name=name)}"
+    made: Callable[..., Any] = device_options(device)(run)
+    made = click.option(
+        "-o", "--output", type=click.Path(path_type=Path), help="Mesh file, ending in .msh.  [default: device and key]"
+    )(made)
+    return click.command(name)(made)
+
+
+def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -> None:
+    try:
+        actuator = device_from(device, values)
+        path = actuator.write(output if output is not None else Path(f"{actuator.name}.msh"))
+        mesh = summarize(path)
+    except GeometryError as error:
+        _stop(str(error), 2)
+    except OSError as error:
+        _stop(f"the mesh file cannot be written: {error}", 2)
+    except MeshingError as error:
+        _stop(str(error), 1)
+    kind = "tetrahedra" if actuator.dimension == 3 else "triangles"
+    click.echo(
+        f"{device.__name__}: {mesh.cells} {kind} of order {actuator.mesh_order}, {mesh.nodes} nodes, "
+        f"smallest quality {mesh.quality:.2f}"
+    )
+    click.echo(
+        f"Whole device: solid {actuator.solid_volume * 1e6:.4g} ml, cavity {actuator.cavity_volume * 1e6:.4g} ml; "
+        f"the mesh models 1/{actuator.copies} of it; written to {path}"
+    )
+
+
+def _stop(sentence: str, status: int) -> None:
+    click.echo(f"Error: {sentence}", err=True)
+    sys.exit(status)
+
+
+for _name, _device in ACTUATORS.items():
+    main.add_command(_command(_name, _device))
+
+if __name__ == "__main__":
+    main(prog_name="python -m geometries")

@@ -1,0 +1,193 @@
+"""What every device offers: its symmetry, its supports, its closed-form volumes and a mesh.
+
+Device coordinates are x, y, z with z = lift, the direction in which the membrane rises. A three-dimensional mesh uses
+them as they are. An axisymmetric mesh lies in the plane (x, y) = (radius, height); `Actuator.device_points` brings its
+points to device coordinates. Directions, probes and profiles are in device coordinates for both.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometries.errors import GeometryError, MeshingError
+from geometries.fields import settle
+
+__all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
+
+Vector = tuple[float, float, float]
+
+RECIPE = 1
+"""Part of every key: raise it when the same parameters give another mesh, so that stored meshes are made anew."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CutPlane:
+    """A plane through the origin where the modelled slice was cut out of the device.
+
+    Attributes:
+        name: Physical group of the facets on the plane.
+        normal: Unit normal pointing out of the slice.
+    """
+
+    name: str
+    normal: Vector
+
+
+@dataclasses.dataclass(frozen=True)
+class Hold:
+    """A displacement that is zero.
+
+    Attributes:
+        role: Physical group that is held.
+        direction: Unit vector along which the displacement is zero; None for all components.
+        point: True if the role is a single mesh vertex, False if it is a curve or a surface.
+    """
+
+    role: str
+    direction: Vector | None
+    point: bool = False
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Actuator(ABC):
+    """A soft body around one air-filled cavity.
+
+    Subclasses are frozen dataclasses whose fields come from `geometries.fields`.
+
+    Raises:
+        GeometryError: From the constructor, if the parameters make no device.
+    """
+
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"default": {}}
+    """Named sets of parameters; each maps field names to SI values that replace the defaults."""
+
+    lift: ClassVar[Vector] = (0.0, 0.0, 1.0)
+    """Direction in which the membrane rises."""
+
+    def __post_init__(self) -> None:
+        settle(self)
+        self.check()
+
+    @classmethod
+    def variant(cls, name: str = "default", **changes: Any) -> Actuator:
+        """Return a named variant, with single parameters changed; KeyError for a name not in `variants`."""
+        return cls(**{**cls.variants[name], **changes})
+
+    @property
+    def key(self) -> str:
+        """Twelve hexadecimal digits that stay the same as long as every parameter does."""
+        parameters = [(field.name, getattr(self, field.name)) for field in dataclasses.fields(self)]
+        return hashlib.sha256(repr((RECIPE, type(self).__name__, parameters)).encode()).hexdigest()[:12]
+
+    @property
+    def name(self) -> str:
+        """Default name for files: the device and its key."""
+        return f"{type(self).__name__}-{self.key}"
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """2 for an axisymmetric mesh, 3 for a solid one."""
+
+    @property
+    @abstractmethod
+    def copies(self) -> int:
+        """How many copies of the slice make the device; 1 for an axisymmetric mesh, which stands for all of it."""
+
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """Characteristic length in m."""
+
+    @property
+    @abstractmethod
+    def cut_planes(self) -> tuple[CutPlane, ...]:
+        """Symmetry planes that bound the slice, in order; empty if nothing was cut."""
+
+    @property
+    @abstractmethod
+    def holds(self) -> tuple[Hold, ...]:
+        """Supports, beyond the symmetry on `cut_planes`, that leave no rigid motion."""
+
+    @property
+    @abstractmethod
+    def probes(self) -> Mapping[str, Vector]:
+        """Named material points in device coordinates (m); each is a vertex of the mesh."""
+
+    @property
+    @abstractmethod
+    def cavity_volume(self) -> float:
+        """Volume in m3 of the whole device's undeformed cavity, in closed form."""
+
+    @property
+    @abstractmethod
+    def solid_volume(self) -> float:
+        """Volume in m3 of the whole device's undeformed solid, in closed form."""
+
+    @abstractmethod
+    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which undeformed points lie on the outline that a camera sees from the side.
+
+        Args:
+            points: Device coordinates in m, shape (n, 3).
+
+        Returns:
+            Mask of shape (n,).
+        """
+
+    @abstractmethod
+    def check(self) -> None:
+        """Check the parameters against each other; each one alone is known to be of the right kind.
+
+        Raises:
+            GeometryError: The parameters make no device.
+        """
+
+    @abstractmethod
+    def build(self) -> None:
+        """Fill the current Gmsh model (m) with the shape, the physical groups and the cell sizes; mesh nothing."""
+
+    @property
+    @abstractmethod
+    def mesh_order(self) -> int:
+        """Polynomial order of the cells' geometry."""
+
+    def device_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points of the mesh in device coordinates.
+
+        Args:
+            points: Mesh coordinates in m, shape (n, 3); the third column of an axisymmetric mesh is ignored.
+
+        Returns:
+            Device coordinates in m, shape (n, 3).
+        """
+        points = np.asarray(points, dtype=float)
+        if self.dimension == 3:
+            return points
+        return np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
+
+    def write(self, path: str | Path) -> Path:
+        """Mesh the device and write it as a Gmsh file (MSH 4.1, m).
+
+        Args:
+            path: File ending in ``.msh`` in an existing folder; it is replaced only once the new mesh is complete.
+
+        Returns:
+            The path.
+
+        Raises:
+            GeometryError: The name does not end in ``.msh``.
+            MeshingError: Gmsh failed or made cells that are turned inside out.
+            OSError: The folder is missing or cannot be written.
+        """
+        from geometries.meshing import write_mesh
+
+        return write_mesh(self, Path(path))

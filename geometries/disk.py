@@ -1,0 +1,176 @@
+"""The hollow disk: a round membrane over a flat cylindrical cavity, cast in one piece.
+
+The half profile, with the axis of symmetry z on the left::
+
+    z
+    |______________________   top = base + cavity height + membrane
+    |      membrane        |
+    |_____________         |
+    |   cavity    |  wall  |
+    |_____________|        |
+    |        base          |
+    |______________________|__ r
+    0       cavity radius   outer radius = cavity radius + wall
+
+The fillet rounds the membrane's root, the cavity's upper outer corner; a sharp corner has an unbounded stress there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.disk_checks import check_disk
+from geometries.fields import angle_field, choice_field, length_field, number_field
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HollowDisk(Actuator):
+    """A hollow disk, as a wedge of any angle that divides the circle or as an axisymmetric profile.
+
+    Lengths are in m, angles in degrees. Physical groups of a wedge: volume "solid"; surfaces "cavity", "outer" and,
+    below 360 degrees, "plane0" (at the azimuth) and "plane1" (at azimuth + angle). With ``support="base"`` the bottom
+    is the surface "support"; with ``support="rim"`` it belongs to "outer", and its outer edge is the curve "support".
+    Half and full disks on a rim add the points "anchor0" (bottom centre) and "anchor1" (full disk: on the rim, at the
+    azimuth). The axisymmetric profile has the surface "solid", the curves "cavity", "outer", "axis" and the curve
+    (base) or point (rim) "support"; angle and azimuth mean nothing to it.
+    """
+
+    cavity_radius: float = length_field(0.010, "radius of the cavity")
+    membrane: float = length_field(0.006, "thickness of the membrane above the cavity")
+    base: float = length_field(0.006, "thickness of the solid below the cavity")
+    wall: float = length_field(0.010, "thickness of the solid around the cavity")
+    cavity_height: float = length_field(0.004, "height of the cavity")
+    fillet: float = length_field(0.001, "radius of the rounding at the membrane's root; 0 for none", zero=True)
+    cell_size: float = length_field(0.003, "edge length of the cells far from the membrane's root")
+    refinement: float = number_field(2.0, "how many times smaller the cells at the membrane's root are")
+    order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
+    section: str = choice_field("wedge", ("wedge", "axisymmetric"), "solid slice, or profile in radius and height")
+    angle: float = angle_field(45.0, "angle of the wedge; divides 360 deg evenly (180 half, 360 full disk)")
+    azimuth: float = angle_field(0.0, "where the wedge begins, counted from the x axis")
+    support: str = choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
+
+    variants: ClassVar = {
+        "default": {},
+        "shadow": {
+            "cavity_radius": 0.020,
+            "membrane": 0.002,
+            "base": 0.005,
+            "wall": 0.005,
+            "cavity_height": 0.005,
+            "cell_size": 0.002,
+        },
+    }
+
+    def check(self) -> None:
+        check_disk(self)
+
+    @property
+    def dimension(self) -> int:
+        return 2 if self.section == "axisymmetric" else 3
+
+    @property
+    def mesh_order(self) -> int:
+        return self.order
+
+    @property
+    def copies(self) -> int:
+        return 1 if self.dimension == 2 else round(360.0 / self.angle)
+
+    @property
+    def size(self) -> float:
+        return self.cavity_radius
+
+    @property
+    def outer_radius(self) -> float:
+        """Radius of the whole disk in m."""
+        return self.cavity_radius + self.wall
+
+    @property
+    def ceiling(self) -> float:
+        """Height of the cavity's ceiling in m, which is the membrane's lower face."""
+        return self.base + self.cavity_height
+
+    @property
+    def height(self) -> float:
+        """Height of the whole disk in m."""
+        return self.base + self.cavity_height + self.membrane
+
+    @property
+    def radial(self) -> Vector:
+        """Horizontal unit vector from the axis along the beginning of the slice."""
+        return _radial(self.azimuth if self.dimension == 3 else 0.0)
+
+    @property
+    def cut_planes(self) -> tuple[CutPlane, ...]:
+        if self.dimension == 2 or self.copies == 1:
+            return ()
+        x0, y0, _ = self.radial
+        x1, y1, _ = _radial(self.azimuth + self.angle)
+        return (CutPlane("plane0", (y0, -x0, 0.0)), CutPlane("plane1", (-y1, x1, 0.0)))
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        rim = self.support == "rim"
+        support = Hold("support", self.lift, point=self.dimension == 2) if rim else Hold("support", None)
+        if self.dimension == 2:
+            return (support, Hold("axis", (1.0, 0.0, 0.0)))
+        if not rim or self.copies > 2:
+            return (support,)
+        # A rim leaves the slide along the one plane of a half disk, and every horizontal motion of a full one.
+        x, y, _ = self.radial
+        if self.copies == 2:
+            return (support, Hold("anchor0", (x, y, 0.0), point=True))
+        return (
+            support,
+            Hold("anchor0", (1.0, 0.0, 0.0), point=True),
+            Hold("anchor0", (0.0, 1.0, 0.0), point=True),
+            Hold("anchor1", (-y, x, 0.0), point=True),
+        )
+
+    @property
+    def probes(self) -> dict[str, Vector]:
+        return {"apex": (0.0, 0.0, self.height), "ceiling": (0.0, 0.0, self.ceiling)}
+
+    @property
+    def cavity_volume(self) -> float:
+        radius, fillet = self.cavity_radius, self.fillet
+        inner = radius - fillet
+        # Solid of revolution between the sharp corner and the fillet's arc.
+        ring = fillet * (radius**2 - inner**2 - 0.5 * math.pi * fillet * inner - 2.0 / 3.0 * fillet**2)
+        return math.pi * (radius**2 * self.cavity_height - ring)
+
+    @property
+    def solid_volume(self) -> float:
+        return math.pi * self.outer_radius**2 * self.height - self.cavity_volume
+
+    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which points lie on the top face's straight line from the axis along the slice's beginning.
+
+        The line runs over the membrane and the wall to the outer radius; see `Actuator.on_profile`.
+        """
+        points = np.asarray(points, dtype=float)
+        x, y, _ = self.radial
+        near = 1e-9 * self.outer_radius
+        along = points[:, 0] * x + points[:, 1] * y
+        across = points[:, 1] * x - points[:, 0] * y
+        return (np.abs(points[:, 2] - self.height) < near) & (np.abs(across) < near) & (along > -near)
+
+    def build(self) -> None:
+        from geometries.disk_shape import build_profile, build_wedge
+
+        build_profile(self) if self.dimension == 2 else build_wedge(self)
+
+
+def _radial(degrees: float) -> Vector:
+    """Return the horizontal unit vector at an angle, free of rounding at multiples of 90 degrees."""
+    quarters, rest = divmod(degrees, 90.0)
+    x, y = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    for _ in range(int(quarters) % 4):
+        x, y = -y, x
+    return (x + 0.0, y + 0.0, 0.0)

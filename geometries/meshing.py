@@ -1,0 +1,199 @@
+"""Gmsh from start to finish: a private model, one mesh, one complete file.
+
+Only this module starts Gmsh, so the settings that make a mesh repeatable stand in one place.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geometries.errors import GeometryError, MeshingError
+
+if TYPE_CHECKING:
+    from geometries.actuator import Actuator
+
+SETTINGS = {
+    "General.Terminal": 0,
+    # One thread and fixed algorithms: the same parameters give the same file on every run.
+    "General.NumThreads": 1,
+    "Mesh.MaxNumThreads1D": 1,
+    "Mesh.MaxNumThreads2D": 1,
+    "Mesh.MaxNumThreads3D": 1,
+    "Mesh.Algorithm": 6,
+    "Mesh.Algorithm3D": 1,
+    # The device's own size function is the only source of cell sizes.
+    "Mesh.MeshSizeExtendFromBoundary": 0,
+    "Mesh.MeshSizeFromPoints": 0,
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.SecondOrderLinear": 0,
+    "Mesh.SecondOrderIncomplete": 0,
+    "Mesh.MshFileVersion": 4.1,
+    "Mesh.Binary": 0,
+    "Mesh.SaveAll": 0,
+}
+"""Gmsh options of every mesh, by name."""
+
+
+LEAST_QUALITY = 0.05
+"""Smallest quality (Gmsh's SICN) left alone; below it the mesher tries to improve the cells, at 0 it gives up."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshSummary:
+    """What a mesh file holds.
+
+    Attributes:
+        cells: Number of tetrahedra (3-D) or triangles (axisymmetric).
+        nodes: Number of nodes, those inside edges included.
+        quality: Smallest scaled Jacobian-based quality (Gmsh's SICN) of all cells: 1 is regular, 0 or less is invalid.
+        measure: Sum of the curved cells' volumes in m3 (3-D) or areas in m2 (axisymmetric).
+    """
+
+    cells: int
+    nodes: int
+    quality: float
+    measure: float
+
+
+@contextlib.contextmanager
+def private_model() -> Iterator[None]:
+    """Give a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
+    import gmsh  # type: ignore[import-untyped]
+
+    ours = not gmsh.isInitialized()
+    if ours:
+        # Not interruptible: Gmsh would otherwise replace the signal handler, which only a main thread may do.
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    previous = None if ours else gmsh.model.getCurrent()
+    before = {name: gmsh.option.getNumber(name) for name in SETTINGS}
+    fresh = f"softmodels-{os.getpid()}-{id(before)}"
+    try:
+        for name, value in SETTINGS.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.model.add(fresh)
+        yield
+    finally:
+        if ours:
+            gmsh.finalize()
+        else:
+            gmsh.model.setCurrent(fresh)
+            gmsh.model.remove()
+            gmsh.model.setCurrent(previous)
+            for name, value in before.items():
+                gmsh.option.setNumber(name, value)
+
+
+def write_mesh(actuator: Actuator, path: Path) -> Path:
+    """Mesh a device into a file; see `Actuator.write`, which is the way to call this."""
+    import gmsh
+
+    if path.suffix != ".msh":
+        raise GeometryError(f"path is {str(path)!r}; the name of a mesh file must end in .msh")
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "a folder, not a mesh file", str(path))
+    partial = path.with_name(f".{path.stem}-{os.getpid()}.msh")
+    # Made before the meshing starts, so that a folder that cannot be written is known within a moment.
+    try:
+        partial.touch()
+    except OSError as error:
+        raise OSError(error.errno, f"cannot write in this folder: {error.strerror}", str(path.parent)) from None
+    try:
+        with private_model():
+            try:
+                actuator.build()
+                _generate(actuator)
+                gmsh.write(str(partial))
+            except (GeometryError, MeshingError):
+                raise
+            except Exception as error:  # Gmsh raises bare Exception
+                raise MeshingError(
+                    f"Gmsh could not mesh {type(actuator).__name__}: {str(error).strip() or 'no reason given'}; "
+                    f"try a larger fillet (or none) or another cell size"
+                ) from error
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def summarize(path: str | Path) -> MeshSummary:
+    """Count a mesh file's cells and nodes.
+
+    Args:
+        path: A file made by `Actuator.write`.
+
+    Raises:
+        FileNotFoundError: No such file.
+        MeshingError: The file holds no cells.
+    """
+    import gmsh
+
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"{path} is not a file")
+    with private_model():
+        gmsh.merge(str(path))
+        cells = _cells(gmsh.model.getDimension())
+        if cells.size == 0:
+            raise MeshingError(f"{path} holds no cells")
+        quality = gmsh.model.mesh.getElementQualities(cells, "minSICN").min()
+        measure = _measure(gmsh.model.getDimension())
+        nodes = gmsh.model.mesh.getNodes()[0].size
+    return MeshSummary(int(cells.size), int(nodes), float(quality), measure)
+
+
+def _generate(actuator: Actuator) -> None:
+    import gmsh
+
+    gmsh.model.mesh.generate(actuator.dimension)
+    cells = _cells(actuator.dimension)
+    if cells.size == 0:
+        raise MeshingError("Gmsh made no cells inside the solid; try a larger fillet (or none) or another cell size")
+    if actuator.dimension == 3:
+        # Flat tetrahedra are reshaped while the edges are still straight; curving them would turn some inside out.
+        gmsh.model.mesh.optimize("Netgen")
+    gmsh.model.mesh.setOrder(actuator.mesh_order)
+    if _worst(actuator.dimension) > LEAST_QUALITY:
+        return
+    # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
+    gmsh.model.mesh.optimize("HighOrderElastic")
+    if _worst(actuator.dimension) <= 0.0:
+        gmsh.model.mesh.optimize("HighOrder")
+    worst = _worst(actuator.dimension)
+    if worst <= 0.0:
+        raise MeshingError(
+            f"The mesh has a cell turned inside out (smallest quality {worst:.2g}); "
+            f"try a smaller cell size, more refinement or a larger fillet (or none)"
+        )
+
+
+def _cells(dimension: int) -> np.ndarray:
+    import gmsh
+
+    _, tags, _ = gmsh.model.mesh.getElements(dimension)
+    return np.concatenate(tags) if tags else np.empty(0, dtype=np.uint64)
+
+
+def _worst(dimension: int) -> float:
+    import gmsh
+
+    return float(gmsh.model.mesh.getElementQualities(_cells(dimension), "minSICN").min())
+
+
+def _measure(dimension: int) -> float:
+    """Integrate 1 over the cells of the current mesh, curved edges included."""
+    import gmsh
+
+    total = 0.0
+    for kind in gmsh.model.mesh.getElementTypes(dimension):
+        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss4")
+        _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points)
+        total += float((np.reshape(determinants, (-1, len(weights))) @ weights).sum())
+    return total

@@ -1,0 +1,200 @@
+"""A case: everything that decides a run's numbers, as a value and as a TOML file that repeats it exactly."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from geometries import Actuator, GeometryError
+from geometries import table as geometry_table
+from measurement.units import WATER_DENSITY, UnitError, exact_text, pascal_per_cm, quantity
+from softmodels import material_table
+from softmodels.materials import Material, MaterialError
+
+CONTROLS = ("auto", "pressure", "volume", "arc-length")
+FORMULATIONS = ("mixed", "displacement")
+STIFFNESS_RANGE = 30.0
+"""Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""
+
+
+class CaseError(ValueError):
+    """Bad input, found before anything is solved; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A run.
+
+    Attributes:
+        name: Stem of the result files.
+        actuator: The device.
+        material: The silicone.
+        pressures_cm: Requested heights of the water column in cm, rising; empty if volumes are requested.
+        volumes_ml: Requested added volumes of the cavity in ml, rising; empty if pressures are requested.
+        water_density: Density in kg/m3 of the column's liquid.
+        control: What the path follows.
+        formulation: ``mixed`` or ``displacement``.
+    """
+
+    name: str
+    actuator: Actuator
+    material: Material
+    pressures_cm: tuple[float, ...] = ()
+    volumes_ml: tuple[float, ...] = ()
+    water_density: float = WATER_DENSITY
+    control: str = "auto"
+    formulation: str = "mixed"
+
+    def __post_init__(self) -> None:
+        if bool(self.pressures_cm) == bool(self.volumes_ml):
+            raise CaseError("request either pressures (--pressure-cm) or added volumes (--volume-ml), one of the two")
+        if self.control not in CONTROLS:
+            raise CaseError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
+        if self.volumes_ml and self.control == "pressure":
+            raise CaseError("added volumes cannot be requested under pressure control; use --control auto or volume")
+        if self.formulation not in FORMULATIONS:
+            raise CaseError(f"formulation {self.formulation!r} is not one of {', '.join(FORMULATIONS)}")
+        if self.formulation == "displacement" and math.isinf(self.material.bulk):
+            raise CaseError("poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed")
+        if not 100.0 <= self.water_density <= 20000.0:
+            raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
+        if self.pressures_cm:
+            most, mu = self.pressures_cm[-1] * self.cm, self.material.shear_modulus_0
+            if most > STIFFNESS_RANGE * mu:
+                raise CaseError(
+                    f"a pressure of {most / 1e3:.4g} kPa against a shear modulus of {mu / 1e3:.4g} kPa cannot be meant: "
+                    "check the units of both (silicones have 5 to 500 kPa)"
+                )
+
+    @property
+    def cm(self) -> float:
+        """Pa in one cm of the column."""
+        return pascal_per_cm(self.water_density)
+
+    @property
+    def goals(self) -> tuple[float, ...]:
+        """Requested pressures in Pa or added volumes in m3."""
+        return tuple(p * self.cm for p in self.pressures_cm) or tuple(v * 1e-6 for v in self.volumes_ml)
+
+    def to_toml(self) -> str:
+        """Text of a case file that repeats this case exactly."""
+        import tomli_w
+
+        load: dict[str, Any] = {"pressure_cm": list(self.pressures_cm)} if self.pressures_cm else {"volume_ml": list(self.volumes_ml)}
+        load["water_density"] = exact_text(self.water_density, "kg/m^3")
+        return tomli_w.dumps(
+            {
+                "name": self.name,
+                "geometry": geometry_table.to_table(self.actuator),
+                "material": material_table.to_table(self.material),
+                "load": {**load, "control": self.control},
+                "solver": {"formulation": self.formulation},
+            }
+        )
+
+    @classmethod
+    def from_toml(cls, text: str) -> Case:
+        """Read a case file; what is left out has its default.
+
+        Raises:
+            CaseError: Not TOML, unknown tables or names, or an impossible case.
+        """
+        try:
+            tables = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise CaseError(f"not valid TOML: {error}") from None
+        _known(tables, "the case", ("name", "geometry", "material", "load", "solver"))
+        load, solver = tables.get("load", {}), tables.get("solver", {})
+        _known(load, "[load]", ("pressure_cm", "volume_ml", "water_density", "control"))
+        _known(solver, "[solver]", ("formulation",))
+        for table in ("geometry", "load"):
+            if table not in tables:
+                raise CaseError(f"the case has no [{table}] table")
+        try:
+            return cls(
+                name=tables.get("name", "disk"),
+                actuator=geometry_table.from_table(tables["geometry"]),
+                material=material_table.from_table(tables["material"]) if "material" in tables else material_table.DEFAULT,
+                pressures_cm=series(load.get("pressure_cm", ()), "pressure"),
+                volumes_ml=series(load.get("volume_ml", ()), "volume"),
+                water_density=quantity(load.get("water_density", exact_text(WATER_DENSITY, "kg/m^3")), "kg/m^3"),
+                control=load.get("control", "auto"),
+                formulation=solver.get("formulation", "mixed"),
+            )
+        except (GeometryError, MaterialError, UnitError) as error:
+            raise CaseError(str(error)) from None
+
+    @classmethod
+    def from_file(cls, path: Path) -> Case:
+        try:
+            return cls.from_toml(path.read_text())
+        except (OSError, UnicodeDecodeError) as error:
+            raise CaseError(f"case file {path} cannot be read ({getattr(error, 'strerror', None) or error})") from None
+        except CaseError as error:
+            raise CaseError(f"{path}: {error}") from None
+
+
+def _known(table: Mapping[str, Any], where: str, names: tuple[str, ...]) -> None:
+    for key in table:
+        if key not in names:
+            raise CaseError(f"{where} has an unknown entry {key!r}; known are {', '.join(names)}")
+
+
+def series(text: Any, what: str) -> tuple[float, ...]:
+    """Requested values: ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``; or a list.
+
+    Args:
+        text: The text, or a sequence of numbers.
+        what: ``"pressure"`` or ``"volume"``, for the messages.
+
+    Returns:
+        The values, rising; the end of a range is always among them.
+
+    Raises:
+        CaseError: Not numbers, negative, not rising, or far too many.
+    """
+    if isinstance(text, str):
+        separator = ":" if ":" in text else ","
+        parts: list[Any] = [part.strip() for part in text.split(separator)]
+    elif isinstance(text, list | tuple):
+        separator, parts = ",", list(text)
+    else:
+        separator, parts = ",", [text]
+    try:
+        numbers = [float(part) for part in parts]
+    except (TypeError, ValueError):
+        raise CaseError(f"{what} {text!r} is not numbers; write 0:177, 0:177:10 or 0,70,130,177") from None
+    if not all(math.isfinite(number) for number in numbers):
+        raise CaseError(f"{what} {text!r} holds a value that is not finite")
+    if separator == ":":
+        numbers = _range(numbers, str(text), what)
+    for before, after in zip(numbers, numbers[1:], strict=False):
+        if after == before:
+            raise CaseError(f"{what} {after:g} is requested twice")
+        if after < before:
+            raise CaseError(f"{what} falls from {before:g} to {after:g}; give the values from low to high")
+    if numbers and numbers[0] < 0:
+        raise CaseError(f"{what} {numbers[0]:g} is below zero; positive values inflate, and suction is not modelled")
+    if numbers and numbers[-1] == 0:
+        raise CaseError(f"the only {what} requested is 0, where nothing happens")
+    return tuple(numbers)
+
+
+def _range(numbers: list[float], text: str, what: str) -> list[float]:
+    if len(numbers) not in (2, 3):
+        raise CaseError(f"{what} {text!r}: a range is from:to or from:to:step")
+    start, stop = numbers[:2]
+    if len(numbers) == 2 or stop <= start:
+        return [start, stop]
+    step = numbers[2]
+    if step <= 0:
+        raise CaseError(f"{what} {text!r}: the step must be above zero")
+    count = (stop - start) / step
+    if count > 10000:
+        raise CaseError(f"{what} {text!r} asks for {count:.0f} values; use a larger step")
+    inner = [start + step * i for i in range(math.floor(count * (1 - 1e-12)) + 1)]
+    return [*(value for value in inner if value < stop), stop]

@@ -1,0 +1,218 @@
+"""A folder of results that is readable at every moment, whatever stops the run.
+
+Each step goes into a file of its own, written aside and renamed, and the light files (XDMF, CSV) are replaced whole after
+each step. A run that ends well gathers the steps into one HDF5 file. Only rank 0 has one of these; nothing here knows of MPI.
+
+The XDMF spells out topology, geometry and all fields in every time step: VTK's reader crashes on the ``xi:include`` that
+DOLFINx would write, and ParaView would show each field on a grid of its own.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+RESTART = "restart"
+ROW = "row"
+
+
+@dataclasses.dataclass(frozen=True)
+class Stored:
+    """Where one step's fields are: HDF5 file (relative to the folder), group, and its row of ``path.csv``."""
+
+    file: str
+    group: str
+    row: dict[str, Any]
+    restart: dict[str, Any]
+
+
+class ResultsError(RuntimeError):
+    """Results that cannot be read or continued; the message is a sentence for the user."""
+
+
+class Results:
+    """Results of one run.
+
+    Args:
+        folder: Where to write; made if missing.
+        name: Stem of the files, such as ``"disk"``.
+    """
+
+    def __init__(self, folder: Path, name: str):
+        self.folder, self.name = folder, name
+        self.stored: list[Stored] = []
+
+    @property
+    def heavy(self) -> Path:
+        return self.folder / f"{self.name}.h5"
+
+    @property
+    def steps(self) -> Path:
+        return self.folder / f"{self.name}.steps"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        return [step.row for step in self.stored]
+
+    def clear(self) -> None:
+        """Make the folder and take away what an earlier run of this name left in it."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(self.steps, ignore_errors=True)
+        for path in (self.heavy, self.folder / f"{self.name}.xdmf", self.folder / "path.csv", self.folder / "summary.json"):
+            path.unlink(missing_ok=True)
+        for picture in self.folder.glob("*.png"):
+            picture.unlink()
+
+    def begin(self, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], cell_name: str) -> None:
+        """Store the grid: points (n, 3) in m, cells (c, k) of an XDMF cell type."""
+        import h5py
+
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.steps.mkdir(exist_ok=True)
+
+        def fill(path: Path) -> None:
+            with h5py.File(path, "w") as file:
+                file["mesh/points"], file["mesh/cells"] = points, cells
+                file["mesh"].attrs["cell_name"] = cell_name
+
+        replace(self.heavy, fill)
+        self._shapes = (len(points), cells.shape, cell_name)
+
+    def load(self) -> None:
+        """Take up what an earlier run left, for going on with it or for drawing.
+
+        Raises:
+            ResultsError: There is nothing, or it cannot be read.
+        """
+        import h5py
+
+        if not self.heavy.exists():
+            raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is nothing to go on from")
+        found: dict[int, Stored] = {}
+        try:
+            with h5py.File(self.heavy) as file:
+                cells = file["mesh/cells"].shape
+                self._shapes = (len(file["mesh/points"]), cells, str(file["mesh"].attrs["cell_name"]))
+                for group in file.get("steps", {}):
+                    found[int(group)] = _stored(file[f"steps/{group}"], self.heavy.name, f"/steps/{group}")
+            for path in sorted(self.steps.glob("*.h5")):
+                with h5py.File(path) as file:
+                    found[int(path.stem)] = _stored(file, f"{self.steps.name}/{path.name}", "")
+        except (OSError, KeyError, ValueError) as error:
+            raise ResultsError(f"the results in {self.folder} cannot be read ({error})") from error
+        self.stored = [found[step] for step in sorted(found)]
+        self.steps.mkdir(exist_ok=True)
+
+    def add(self, row: Mapping[str, Any], fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]) -> None:
+        """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
+        import h5py
+
+        number = len(self.stored)
+
+        def fill(path: Path) -> None:
+            with h5py.File(path, "w") as file:
+                for name, values in fields.items():
+                    file[name] = values
+                file.attrs[ROW], file.attrs[RESTART] = json.dumps(dict(row)), json.dumps(dict(restart))
+
+        path = self.steps / f"{number:04d}.h5"
+        replace(path, fill)
+        self.stored.append(Stored(f"{self.steps.name}/{path.name}", "", dict(row), dict(restart)))
+        self.write_light()
+
+    def fields(self, step: int, names: tuple[str, ...]) -> dict[str, npt.NDArray[np.float64]]:
+        """Nodal fields of a stored step."""
+        import h5py
+
+        stored = self.stored[step]
+        with h5py.File(self.folder / stored.file) as file:
+            return {name: file[f"{stored.group}/{name}"][:] for name in names}
+
+    def finish(self) -> None:
+        """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere."""
+        import h5py
+
+        def fill(path: Path) -> None:
+            with h5py.File(path, "w") as file:
+                with h5py.File(self.heavy) as old:
+                    old.copy("mesh", file)
+                for number, stored in enumerate(self.stored):
+                    with h5py.File(self.folder / stored.file) as source:
+                        group = file.create_group(f"steps/{number:04d}")
+                        part = source[stored.group] if stored.group else source
+                        for name in part:
+                            part.copy(name, group)
+                        for key, value in part.attrs.items():
+                            group.attrs[key] = value
+
+        replace(self.heavy, fill)
+        self.stored = [
+            dataclasses.replace(stored, file=self.heavy.name, group=f"/steps/{number:04d}")
+            for number, stored in enumerate(self.stored)
+        ]
+        self.write_light()
+        shutil.rmtree(self.steps, ignore_errors=True)
+
+    def write_light(self) -> None:
+        """Write ``path.csv`` and the XDMF anew."""
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, fieldnames=list(self.stored[0].row), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.rows)
+        replace(self.folder / "path.csv", lambda path: path.write_text(text.getvalue()))
+        replace(self.folder / f"{self.name}.xdmf", lambda path: path.write_bytes(self._xdmf()))
+
+    def _xdmf(self) -> bytes:
+        points, cells, cell_name = self._shapes
+        root = ElementTree.Element("Xdmf", Version="3.0")
+        domain = ElementTree.SubElement(root, "Domain")
+        series = ElementTree.SubElement(domain, "Grid", Name=self.name, GridType="Collection", CollectionType="Temporal")
+        for stored in self.stored:
+            grid = ElementTree.SubElement(series, "Grid", Name=self.name, GridType="Uniform")
+            ElementTree.SubElement(grid, "Time", Value=str(stored.row["step"]))
+            topology = ElementTree.SubElement(grid, "Topology", TopologyType=cell_name, NumberOfElements=str(cells[0]))
+            _item(topology, cells, f"{self.heavy.name}:/mesh/cells", "Int", "8")
+            _item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), (points, 3), f"{self.heavy.name}:/mesh/points")
+            for name, kind in FIELDS.items():
+                attribute = ElementTree.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center="Node")
+                shape = (points, 3) if kind == "Vector" else (points,)
+                _item(attribute, shape, f"{stored.file}:{stored.group}/{name}")
+        ElementTree.indent(root)
+        return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
+FIELDS = {"displacement": "Vector", "p": "Scalar", "von_mises_stress": "Scalar", "largest_stretch": "Scalar", "J": "Scalar"}
+"""Nodal fields of every step, with XDMF's kind."""
+
+
+def _item(parent: Any, shape: tuple[int, ...], place: str, number: str = "Float", precision: str = "8") -> None:
+    item = ElementTree.SubElement(
+        parent, "DataItem", Dimensions=" ".join(map(str, shape)), NumberType=number, Precision=precision, Format="HDF"
+    )
+    item.text = place
+
+
+def _stored(group: Any, file: str, path: str) -> Stored:
+    return Stored(file, path, json.loads(group.attrs[ROW]), json.loads(group.attrs[RESTART]))
+
+
+def replace(path: Path, fill: Callable[[Path], Any]) -> None:
+    """Write a file aside and rename it into place, so that no reader ever sees a part of it."""
+    aside = path.with_name(f"{path.name}.part")
+    try:
+        fill(aside)
+        os.replace(aside, path)
+    except BaseException:
+        aside.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,48 @@
+"""Named silicones: a law, the stretches it was fitted over, and whose measurement it is.
+
+A modulus without its fit range means nothing: the neo-Hookean modulus of one and the same Ecoflex 00-30 specimen is 15 kPa
+up to stretch 1.5 and 58 kPa over its whole curve. Batches differ too: two published curves of Ecoflex 00-30 lie a factor
+1.75 apart. Use these to begin with, and your own fit to conclude.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from softmodels.materials import Material, Yeoh
+
+MARECHAL = "uniaxial data of Marechal et al. 2021, Soft Robotics 8(3):284, doi 10.1089/soro.2019.0115"
+LIAO = "uniaxial first cycle of Liao, Yang & Hossain 2021, Int. J. Mech. Sci. 206:106624, doi 10.1016/j.ijmecsci.2021.106624"
+
+
+@dataclasses.dataclass(frozen=True)
+class Silicone:
+    """A material with its origin: ``stretches`` is the range of uniaxial stretch the law was fitted over."""
+
+    material: Material
+    stretches: tuple[float, float]
+    source: str
+
+
+def _marechal(c1: float, c2: float, top: float = 3.0, c3: float = 0.0) -> Silicone:
+    """Least squares on the nominal stress (Pa), c2 and c3 not below zero so that the law stays stable."""
+    return Silicone(Yeoh(c1, c2, c3), (1.02, top), MARECHAL)
+
+
+SILICONES: dict[str, Silicone] = {
+    "ecoflex-00-10": _marechal(3670.0, 126.0),
+    "ecoflex-00-30": _marechal(7859.0, 94.3),
+    "ecoflex-00-30-liao": Silicone(Yeoh(13892.0, 61.2, 29.5), (1.0, 3.01), LIAO),
+    "ecoflex-00-35-fast": _marechal(13590.0, 515.0),
+    "ecoflex-00-50": _marechal(10740.0, 231.0),
+    "dragon-skin-10-medium": _marechal(21850.0, 2753.0, 2.0),
+    "dragon-skin-20": _marechal(61170.0, 7956.0, 2.0),
+    "dragon-skin-30": _marechal(90410.0, 9082.0, 2.0),
+    "dragon-skin-fx-pro": _marechal(15280.0, 598.0),
+    "mold-star-16-fast": _marechal(41210.0, 2988.0, 2.0),
+    "mold-star-20t": _marechal(54390.0, 3501.0, 2.0),
+    "platsil-gel-10": _marechal(27100.0, 3802.0, 2.0),
+    "rtv615": _marechal(163200.0, 13860.0, 2.9, 939.0),
+    "sortaclear-40": _marechal(139700.0, 5450.0),
+}
+"""Yeoh fits by name. The strain of Marechal's curves is the crosshead's: the first few percent are less sure."""

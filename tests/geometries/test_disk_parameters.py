@@ -1,0 +1,133 @@
+"""Parameters: impossible ones are refused by name and value, possible ones survive a settings file unchanged."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+
+from geometries import ACTUATORS, GeometryError, HollowDisk
+from geometries.disk_cells import expected_cells
+from geometries.options import device_from, from_table, to_table
+
+REFUSED = [
+    ({"cavity_radius": -0.01}, "cavity_radius", "-10 mm"),
+    ({"membrane": 0.0}, "membrane", "0 mm"),
+    ({"base": math.nan}, "base", "nan"),
+    ({"wall": math.inf}, "wall", "inf"),
+    ({"cavity_height": 4.0e-6}, "cavity_height", "4 um"),
+    ({"cavity_radius": 20.0}, "cavity_radius", "20 m"),
+    ({"cavity_radius": 9.0, "wall": 9.0}, "wall", "9 m"),
+    ({"fillet": -0.001}, "fillet", "-1 mm"),
+    ({"fillet": 0.004}, "fillet", "4 mm"),
+    ({"fillet": 0.012, "cavity_height": 0.02}, "fillet", "12 mm"),
+    ({"angle": 50}, "angle", "50 deg"),
+    ({"angle": 0}, "angle", "0 deg"),
+    ({"angle": -45}, "angle", "-45 deg"),
+    ({"angle": 720}, "angle", "720 deg"),
+    ({"angle": 1}, "angle", "1 deg"),
+    ({"azimuth": 1000}, "azimuth", "1000 deg"),
+    ({"cell_size": 0.011}, "cell_size", "11 mm"),
+    ({"cell_size": 0.003, "membrane": 0.0002}, "cell_size", "membrane"),
+    ({"cell_size": 0.00002}, "cell_size", "0.02 mm"),
+    ({"refinement": 0.5}, "refinement", "0.5"),
+    ({"refinement": 1e5}, "refinement", "100000"),
+    ({"order": 3}, "order", "3"),
+    ({"order": True}, "order", "True"),
+    ({"section": "cube"}, "section", "cube"),
+    ({"support": "rope"}, "support", "rope"),
+    ({"membrane": "6 mm"}, "membrane", "6 mm"),
+    ({"membrane": None}, "membrane", "None"),
+]
+
+
+@pytest.mark.parametrize(("changes", "name", "value"), REFUSED, ids=[str(case[0]) for case in REFUSED])
+def test_impossible_parameters_are_refused_by_name_and_value(changes, name, value):
+    with pytest.raises(GeometryError) as caught:
+        HollowDisk(**changes)
+    assert name in str(caught.value) and value in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_angle_means_nothing_to_a_profile():
+    assert HollowDisk(section="axisymmetric", angle=50).copies == 1
+
+
+def test_equal_parameters_are_equal_whatever_their_type():
+    first, second = HollowDisk(angle=90, order=2, membrane=np.float64(0.004)), HollowDisk(angle=90.0, membrane=0.004)
+    assert first == second and first.key == second.key and hash(first) == hash(second)
+    assert first.key != HollowDisk(angle=90, membrane=math.nextafter(0.004, 1)).key
+    assert first.name == f"HollowDisk-{first.key}"
+
+
+def test_key_is_the_same_in_another_process():
+    code = "from geometries import HollowDisk; print(HollowDisk(membrane=0.004).key)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == HollowDisk(membrane=0.004).key
+
+
+@pytest.mark.parametrize("name", HollowDisk.variants)
+def test_variants_survive_a_table(name):
+    disk = HollowDisk.variant(name)
+    assert from_table(to_table(disk)) == disk
+
+
+def test_any_float_survives_a_table_and_a_toml_file():
+    random = np.random.default_rng(7)
+    for _ in range(20):
+        lengths = {name: random.uniform(0.003, 0.02) for name in ("cavity_radius", "membrane", "base", "wall")}
+        disk = HollowDisk(**lengths, cell_size=0.003, azimuth=random.uniform(-360, 360), angle=360 / 7, refinement=1.7)
+        table = to_table(disk)
+        text = "\n".join(f"{key} = {value!r}" for key, value in table.items())
+        assert from_table(tomllib.loads(text)) == disk
+
+
+def test_table_is_friendly():
+    table = to_table(HollowDisk())
+    assert table["device"] == "HollowDisk" and table["membrane"] == "6 mm"
+    assert table["cavity_radius"] == "10 mm" and table["angle"] == "45 deg" and table["order"] == 2
+    assert from_table({"device": "HollowDisk", "variant": "shadow", "membrane": "0.3 cm"}) == HollowDisk.variant(
+        "shadow", membrane=0.003
+    )
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({}, ["device", "HollowDisk"]),
+        ({"device": "Sponge"}, ["device", "Sponge"]),
+        ({"device": "HollowDisk", "colour": "red"}, ["colour", "membrane"]),
+        ({"device": "HollowDisk", "membrane": "6"}, ["membrane", "6", "unit"]),
+        ({"device": "HollowDisk", "membrane": 6}, ["membrane", "6", "unit"]),
+        ({"device": "HollowDisk", "membrane": "6 kg"}, ["membrane", "6 kg"]),
+        ({"device": "HollowDisk", "membrane": [1]}, ["membrane", "[1]"]),
+        ({"device": "HollowDisk", "refinement": "two"}, ["refinement", "two"]),
+        ({"device": "HollowDisk", "variant": "huge"}, ["variant", "huge", "shadow"]),
+    ],
+)
+def test_wrong_tables_are_refused(table, words):
+    with pytest.raises(GeometryError) as caught:
+        from_table(table)
+    assert all(word in str(caught.value) for word in words)
+
+
+def test_variant_comes_first_and_none_means_not_given():
+    disk = device_from(HollowDisk, {"variant": "shadow", "membrane": 0.003, "base": None})
+    assert disk == HollowDisk.variant("shadow", membrane=0.003)
+    assert device_from(HollowDisk, {}) == HollowDisk()
+
+
+def test_expected_cells_are_of_the_right_size(meshed):
+    for disk in (HollowDisk(), HollowDisk.variant("shadow", angle=30)):
+        cells = len(meshed(disk).groups[3, "solid"].corners)
+        assert 0.5 < expected_cells(disk) / cells < 2.5
+
+
+def test_every_device_has_a_default_variant_and_texts():
+    for name, device in ACTUATORS.items():
+        assert device.__name__ == name and device.variants["default"] == {}
+        assert device().lift == (0.0, 0.0, 1.0)
