@@ -82,7 +82,8 @@ def exact_text(value: float, unit: str) -> str:
     """
     name, factor = _FRIENDLY.get(unit, (unit, 1.0))
     for digits in range(1, 18):
-        text = f"{value * factor:.{digits}g} {name}".strip()
+        rounded = float(f"{value * factor:.{digits}g}")  # "2e+01" becomes 20.0, which prints as a person writes it
+        text = f"{rounded:.17g} {name}".strip()
         if quantity(text, unit) == value:
             return text
     # Not every float has a text in the friendlier unit that survives the conversion; those stay in their own.

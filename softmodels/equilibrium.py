@@ -235,10 +235,10 @@ class Equilibrium:
 
     def _jacobian(self, snes: Any, x: Any, J: Any, P: Any) -> None:
         self._take(x)
-        if self.system.factorisations == 0 or self._linear_iterations > STALE:
+        if self.system.factorisations == 0 or self.age > STALE:
             self._assemble_tangent()
             self.system.factorise()
-            self._linear_iterations = 0
+            self.age, self._adrift = 0, True
         else:
             self.system.refresh()
         J.assemble()
@@ -248,7 +248,7 @@ class Equilibrium:
     def _make_solver(self) -> None:
         from petsc4py import PETSc
 
-        self._linear_iterations = 0
+        self.age, self._adrift = 0, False
         self._x, self._f, self._y = self.system.vector(), self.system.vector(), self.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(self.comm)
         snes.setType("newtonls")
@@ -270,7 +270,7 @@ class Equilibrium:
 
     def _guard(self, x: Any, y: Any) -> bool:
         """Shorten Newton's step y (the next iterate is x - y) until no integration point turns inside out."""
-        self._linear_iterations = max(self._linear_iterations, self.snes.getKSP().getIterationNumber())
+        self.age = max(self.age, self.snes.getKSP().getIterationNumber())
         self._take(x)
         least = 0.1 * self.smallest_J()
         trial, factor = x.duplicate(), 1.0
@@ -312,7 +312,7 @@ class Equilibrium:
         self.snes.solve(None, self._x)
         reason = self.snes.getConvergedReason()
         if reason <= 0:
-            self._linear_iterations = STALE + 1  # what led here is no preconditioner to go on with
+            self.age = STALE + 1  # what led here is no preconditioner to go on with
             raise NoConvergence(_REASONS.get(reason, f"PETSc's reason {reason}"))
         P = self._take(self._x)
         return State(self.w.x.array.copy(), P, self.volume(), self.snes.getIterationNumber())
@@ -328,12 +328,12 @@ class Equilibrium:
         self.system.q.array_w[:] = self._assemble(self._load)
         self._assemble_tangent()
         self.system.factorise()
-        self._linear_iterations = 0
+        self.age, self._adrift = 0, False
 
     @property
     def stale(self) -> bool:
-        """Whether the kept factorisation has grown too old to go on with."""
-        return self.system.factorisations == 0 or self._linear_iterations > STALE
+        """Whether a new factorisation is due: the kept one has aged, or was made at an iterate and not at a state."""
+        return self.system.factorisations == 0 or self.age > STALE or self._adrift
 
     def tangent(self, state: State, control: Control) -> Tangent:
         """Direction of the path at a state, scaled to one unit of the control's line.

@@ -37,6 +37,8 @@ class Point:
         step: Length of the next step in units of ``line``.
         line: What the path is following here: pressure, volume or arc-length.
         factorised: Whether the tangent matrix was factorised at this state (a restart has to do the same).
+        age: How far the kept factorisation has aged here, in iterations of the linear solver.
+        stiffest: Least |dV/dP| on the path so far.
     """
 
     state: State
@@ -46,6 +48,8 @@ class Point:
     step: float
     line: str
     factorised: bool
+    age: int
+    stiffest: float
 
 
 class PathEnd(Exception):
@@ -64,20 +68,19 @@ class Path:
         equilibrium: The device.
         control: One of `CONTROLS`.
         quantity: What the requested values are: ``"pressure"`` or ``"volume"`` (added volume), dimensionless.
-        first_step: First step in units of the control's own quantity, or None for the default.
+        largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
     """
 
     equilibrium: Equilibrium
     control: str = "auto"
     quantity: str = "pressure"
-    first_step: float | None = None
+    largest_step: float = math.inf
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
         self.points: list[Point] = []
         self.line = {"auto": self.quantity}.get(self.control, self.control)
-        self.stiffest = math.inf
         self.report: Callable[[str], None] = lambda text: None
 
     # -- scales, from the undeformed device ---------------------------------------------------------------------------
@@ -90,8 +93,8 @@ class Path:
         self.V0 = rest.V
         tangent = eq.tangent(rest, Control(1 / self.V0, 1.0, 0.0))
         self.P_scale = self.V0 / tangent.compliance
-        step = self.first_step or {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0}.get(self.line, 0.1)
-        return self.keep(Point(rest, tangent, False, False, step, self.line, True))
+        step = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0}.get(self.line, 0.1)
+        return self.keep(Point(rest, tangent, False, False, step, self.line, True, eq.age, abs(tangent.compliance)))
 
     def resume(self, points: Sequence[Point]) -> None:
         """Go on from the last points of an earlier trace: same predictor, same factorisation, same numbers."""
@@ -101,10 +104,9 @@ class Path:
             if point.factorised:
                 self.equilibrium.factorise(point.state)
             self.keep(dataclasses.replace(point, tangent=self.tangent(point.state)))
-        self.line = points[-1].line
+        self.line, self.equilibrium.age = points[-1].line, points[-1].age
 
     def keep(self, point: Point) -> Point:
-        self.stiffest = min(self.stiffest, abs(point.tangent.compliance))
         self.points = [*self.points[-1:], point]
         return point
 
@@ -151,7 +153,9 @@ class Path:
         if stale:
             eq.factorise(state)
         tangent = self.tangent(state)
-        return Point(state, tangent, requested, limit, self.last.step if step is None else step, self.line, stale)
+        step = self.last.step if step is None else step
+        stiffest = min(self.last.stiffest, abs(tangent.compliance))
+        return Point(state, tangent, requested, limit, step, self.line, stale, eq.age, stiffest)
 
     def advance(self, step: float, goal: float) -> Point:
         """One step towards the requested value ``goal``; shortened until it succeeds.
@@ -161,6 +165,7 @@ class Path:
         """
         shortest = 1e-5 * step
         direct = self.line == self.quantity
+        step = min(step, self.longest())
         left = goal - self.value(self.last.state)
         while True:
             hit = direct and left <= step * (1 + 1e-9)
@@ -181,6 +186,13 @@ class Path:
                     step, direct, shortest = self.last.step, False, 1e-5 * self.last.step
                 elif step < shortest:
                     raise PathEnd(f"no step of any length succeeded ({failure})") from failure
+
+    def longest(self) -> float:
+        """The longest step allowed, in units of what the path is following."""
+        t = self.last.tangent
+        per = t.P if self.quantity == "pressure" else t.V
+        along = {"pressure": t.P, "volume": t.V, "arc-length": math.hypot(t.V / self.V0, t.P / self.P_scale)}[self.line]
+        return self.largest_step * abs(along / per) if per else math.inf
 
     def follow(self, line: str) -> None:
         """Change what the path follows, with a step of about the same length."""
@@ -219,7 +231,7 @@ class Path:
         for _ in range(25):
             V = (low.state.V * f_high - high.state.V * f_low) / (f_high - f_low)
             state = self.solve(volume_control(V), (low, high))
-            best = Point(state, self.tangent(state), False, False, 0.0, self.line, False)
+            best = dataclasses.replace(high, state=state, tangent=self.tangent(state))
             value = f(best)
             if abs(value) <= 1e-7 * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.V0:
                 break
@@ -291,7 +303,7 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         requested = bool(left) and left[0] == 0.0
         yield dataclasses.replace(first, requested=requested)
         left = left[1:] if requested else left
-    met: Point | None = None
+    met = next((point for point in start if point.limit), None)
     while left:
         before = path.last
         after = path.advance(before.step, left[0])
@@ -321,7 +333,7 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         elif added > FARTHEST * path.V0:
             raise PathEnd(f"the cavity has grown {FARTHEST:g} times and the requested value was not met", met)
         if path.control == "auto" and met is None and path.quantity == "pressure":
-            softened = path.last.tangent.compliance / path.stiffest
+            softened = path.last.tangent.compliance / path.last.stiffest
             if path.line == "pressure" and not 0 < softened < SOFTENING:
                 path.follow("volume")
             elif path.line == "volume" and 0 < softened < SOFTENING / 2:
