@@ -9,6 +9,7 @@ grad u = B^-1 grad w.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.parallel import on_root
+from geometries.meshing import private_model
+from softmodels.parallel import is_root, on_root
 
 QUADRATURE_DEGREE = 2
 """Exact for the products of linear gradients, which is what second-order elements need for their full rate."""
@@ -52,12 +54,14 @@ class Body:
     @classmethod
     def from_file(cls, actuator: Actuator, path: Path, comm: Any) -> Body:
         """Read the Gmsh file that ``actuator.write`` made (rank 0 reads, all receive)."""
-        from dolfinx import mesh as meshes
+        import gmsh
         from dolfinx.io import gmsh as gmshio
 
         on_root(comm, lambda: path.stat())  # a missing file is an error on all ranks, not a hang
-        options = {} if comm.size == 1 else {"partitioner": meshes.create_cell_partitioner(meshes.GhostMode.none)}
-        data = gmshio.read_from_msh(path, comm, 0, gdim=actuator.dimension, **options)
+        with private_model() if is_root(comm) else contextlib.nullcontext():
+            if is_root(comm):
+                gmsh.merge(str(path))
+            data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim
         by_dimension = {tdim - 1: data.facet_tags, tdim - 2: data.ridge_tags, tdim - 3: data.peak_tags}
@@ -102,8 +106,11 @@ class Body:
 
         return ufl.dot(self._constant_inverse(), w)
 
-    def deformation_gradient(self, w: Any) -> Any:
-        """F as a 3 x 3 UFL tensor; in an axisymmetric section the order of directions is r, hoop, z."""
+    def deformation_gradient(self, w: Any, at_axis: bool = False) -> Any:
+        """F as a 3 x 3 UFL tensor; in an axisymmetric section the order of directions is r, hoop, z.
+
+        ``at_axis`` allows evaluation at R = 0, where u_r/R is the slope of u_r; integration points never lie there.
+        """
         import ufl
 
         gradient = ufl.dot(self._constant_inverse(), ufl.grad(w))
@@ -111,6 +118,8 @@ class Body:
             return ufl.Identity(3) + gradient
         radius = ufl.SpatialCoordinate(self.mesh)[0]
         hoop = 1 + self.displacement(w)[0] / radius
+        if at_axis:
+            hoop = ufl.conditional(ufl.gt(radius, 1e-9), hoop, 1 + gradient[0, 0])
         return ufl.as_tensor(
             [
                 [1 + gradient[0, 0], 0, gradient[0, 1]],

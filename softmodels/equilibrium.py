@@ -105,8 +105,8 @@ class Equilibrium:
         self.parameters = _constants(mesh, material)
         self.bulk = fem.Constant(mesh, 0.0)  # inverse bulk if mixed: it may vanish, the bulk may not be infinite
         self.set_material(material)
-        self.F = body.deformation_gradient(y)
-        strain = Strain(self.F)
+        self.displacement = y
+        strain = Strain(body.deformation_gradient(y))
         density = material.shape(strain, self.parameters)
         if self.mixed:
             density += p * (strain.J - 1) - self.bulk / 2 * p**2
@@ -125,18 +125,16 @@ class Equilibrium:
         self._product = form(ufl.derivative(residual, self.w, self._direction))
         self._tangent = form(ufl.derivative(residual, self.w, trial))
 
-        displacement = self.space.sub(0) if self.mixed else self.space
+        vectors = self.space.sub(0) if self.mixed else self.space
         zero = np.array(0.0)
-        self.bcs = [
-            fem.dirichletbc(zero, dofs, displacement.sub(component)) for component, dofs in body.held(displacement)
-        ]
+        self.bcs = [fem.dirichletbc(zero, dofs, vectors.sub(component)) for component, dofs in body.held(vectors)]
         self.K = fem_petsc.create_matrix(self._tangent)
         self.K.setOption(self.K.Option.SYMMETRIC, True)
         self.K.setOption(self.K.Option.SYMMETRY_ETERNAL, True)
         self.system = Bordered(self.K, self._multiply)
         self._vector = fem.Function(self.space)
-        self._points, weights = basix.make_quadrature(cell, QUADRATURE_DEGREE)
-        self._J = fem.Expression(strain.J, self._points, jit_options=jit)
+        self.points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE)
+        self._J = fem.Expression(strain.J, self.points, jit_options=jit)
         self.cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
         self.n = self.system.n
         self._make_solver()

@@ -71,8 +71,9 @@ class Fields:
         self.skew, self.pressures = displacement_maps(equilibrium, self.grid)
         space = self.grid.space
         options = {"jit_options": {"cffi_extra_compile_args": ["-O2"]}}
-        self._at_nodes = fem.Expression(equilibrium.F, space.element.interpolation_points, **options)
-        self._at_points = fem.Expression(equilibrium.F, equilibrium._points, **options)
+        F = equilibrium.body.deformation_gradient(equilibrium.displacement, at_axis=True)
+        self._at_nodes = fem.Expression(F, space.element.interpolation_points, **options)
+        self._at_points = fem.Expression(F, equilibrium.points, **options)
         self._dofs = space.dofmap.list[: len(equilibrium.cells)]
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))
@@ -171,8 +172,8 @@ class Fields:
 
         Args:
             nodal: At least ``displacement`` and ``p`` on rank 0; None elsewhere.
-            P: Cavity pressure in Pa.
-            V: Added volume of the device in m3.
+            P: Its cavity pressure, dimensionless.
+            V: Its cavity volume, dimensionless.
         """
         from dolfinx import fem
 
@@ -186,4 +187,4 @@ class Fields:
             dofs = self.pressures[: grid.owned]
             function.x.array[dofs[dofs >= 0]] = p[dofs >= 0]
         function.x.scatter_forward()
-        return State(function.x.array.copy(), P / eq.stress_unit, V / eq.volume_unit + self.rest_volume)
+        return State(function.x.array.copy(), P, V)

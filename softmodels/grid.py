@@ -83,11 +83,13 @@ def displacement_maps(equilibrium: Equilibrium, grid: Grid) -> tuple[npt.NDArray
         return found, None
     columns = []
     for component in range(d):
-        sub, parents = space.sub(0).sub(component).collapse()
+        sub, blocks = space.sub(0).sub(component).collapse()
+        parents = np.concatenate(blocks)
         column = np.empty(len(parents), dtype=np.int32)
         column[_matched(grid, sub.tabulate_dof_coordinates())] = parents
         columns.append(column)
-    sub, parents = space.sub(1).collapse()
+    sub, blocks = space.sub(1).collapse()
+    parents = np.concatenate(blocks)
     pressures = np.full(len(columns[0]), -1, dtype=np.int32)
     pressures[_matched(grid, sub.tabulate_dof_coordinates())] = parents
     return np.column_stack(columns), pressures

@@ -22,6 +22,7 @@ QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it 
 GROWTH = 1.7
 SOFTENING = 4.0  # growth of dV/dP over its least value at which `auto` leaves the pressure for the volume
 PAST_LIMIT = 0.1  # how far `auto` goes on past a limit point, in volumes added up to it
+SHORTEST = 1e-3  # of the first step: a path that needs shorter ones has met something that steps do not mend
 FARTHEST = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
 
 
@@ -93,7 +94,8 @@ class Path:
         self.V0 = rest.V
         tangent = eq.tangent(rest, Control(1 / self.V0, 1.0, 0.0))
         self.P_scale = self.V0 / tangent.compliance
-        step = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0}.get(self.line, 0.1)
+        self.first_steps = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0, "arc-length": 0.1}
+        step = self.first_steps[self.line]
         return self.keep(Point(rest, tangent, False, False, step, self.line, True, eq.age, abs(tangent.compliance)))
 
     def resume(self, points: Sequence[Point]) -> None:
@@ -163,7 +165,6 @@ class Path:
         Raises:
             PathEnd: Not even the shortest step succeeded.
         """
-        shortest = 1e-5 * step
         direct = self.line == self.quantity
         step = min(step, self.longest())
         left = goal - self.value(self.last.state)
@@ -183,9 +184,19 @@ class Path:
                 step = share / 2
                 if self.control == "auto" and self.line == "pressure" and step < 0.02 * self.last.step:
                     self.follow("volume")
-                    step, direct, shortest = self.last.step, False, 1e-5 * self.last.step
-                elif step < shortest:
+                    step, direct = self.last.step, False
+                elif step < SHORTEST * self.first_steps[self.line]:
                     raise PathEnd(f"no step of any length succeeded ({failure})") from failure
+
+    def choose(self, past_limit: bool) -> None:
+        """Under ``auto``, follow the pressure where the device is stiff and the volume where it softens."""
+        if self.control != "auto" or self.quantity != "pressure" or past_limit:
+            return
+        softened = self.last.tangent.compliance / self.last.stiffest
+        if self.line == "pressure" and not 0 < softened < SOFTENING:
+            self.follow("volume")
+        elif self.line == "volume" and 0 < softened < SOFTENING / 2:
+            self.follow("pressure")
 
     def longest(self) -> float:
         """The longest step allowed, in units of what the path is following."""
@@ -305,36 +316,33 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         left = left[1:] if requested else left
     met = next((point for point in start if point.limit), None)
     while left:
+        _check_end(path, met)
+        path.choose(met is not None)
         before = path.last
         after = path.advance(before.step, left[0])
         if path.line == path.quantity:
-            path.keep(after)
-            yield after
             left = left[1:] if after.requested else left
-        else:
-            passed = before
-            turn = before.tangent.P > 0 > after.tangent.P or before.tangent.P < 0 < after.tangent.P
-            stops = [path.limit(before, after), after] if turn else [after]
-            for stop in stops:
-                while left and path.value(passed.state) < left[0] <= path.value(stop.state):
-                    hit = path.between(passed, stop, left[0])
-                    yield path.keep(hit)
-                    left, passed = left[1:], hit
-                    if not left:
-                        return
-                if stop.limit and met is None and stop.tangent is not None and before.tangent.P > 0:
-                    met = stop
-                yield path.keep(dataclasses.replace(stop, step=after.step))
-                passed = stop
-        added = path.last.state.V - path.V0
-        if met is not None and path.control == "auto":
-            if added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
-                raise PathEnd("the pressure has a limit point", met)
-        elif added > FARTHEST * path.V0:
-            raise PathEnd(f"the cavity has grown {FARTHEST:g} times and the requested value was not met", met)
-        if path.control == "auto" and met is None and path.quantity == "pressure":
-            softened = path.last.tangent.compliance / path.last.stiffest
-            if path.line == "pressure" and not 0 < softened < SOFTENING:
-                path.follow("volume")
-            elif path.line == "volume" and 0 < softened < SOFTENING / 2:
-                path.follow("pressure")
+            yield path.keep(after)
+            continue
+        passed = before
+        turned = before.tangent.P * after.tangent.P < 0
+        for stop in [path.limit(before, after), after] if turned else [after]:
+            while left and path.value(passed.state) < left[0] <= path.value(stop.state):
+                passed = path.keep(path.between(passed, stop, left[0]))
+                left = left[1:]
+                yield passed
+                if not left:
+                    return
+            passed = path.keep(dataclasses.replace(stop, step=after.step))
+            if met is None and stop.limit and before.tangent.P > 0:
+                met = passed
+            yield passed
+
+
+def _check_end(path: Path, met: Point | None) -> None:
+    """End a path that has gone far enough past its limit point, or too far altogether."""
+    added = path.last.state.V - path.V0
+    if met is not None and path.control == "auto" and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
+        raise PathEnd("the pressure has a limit point", met)
+    if path.quantity == "pressure" and added > FARTHEST * path.V0:
+        raise PathEnd(f"the cavity has grown {FARTHEST:g} times and the requested value was not met", met)

@@ -100,3 +100,14 @@ def scattered(comm: Any, values: Any, count: int) -> Any:
     counts = comm.gather(count, root=0)
     parts = None if values is None else np.split(values, np.cumsum(counts)[:-1])
     return comm.scatter(parts, root=0)
+
+
+def any_rank(comm: Any, value: bool) -> bool:
+    """Whether ``value`` is true on any rank."""
+    return largest(comm, float(value)) > 0.0
+
+
+def speaks() -> bool:
+    """Whether this process may print, before MPI is started: rank 0 by what the launchers set, or no launcher."""
+    ranks = (os.environ.get(name) for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID"))
+    return next((rank for rank in ranks if rank is not None), "0") == "0"

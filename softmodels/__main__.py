@@ -1,0 +1,69 @@
+"""The command ``softmodels``: run a case file, check the installation, draw results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from softmodels import commandline
+from softmodels.case import Case
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def softmodels() -> None:
+    """Simulate pneumatic soft actuators.
+
+    \b
+    python -m softmodels.disk --help    the disk actuator
+    softmodels run case.toml            repeat a run from its case file
+    softmodels draw results/disk        make the pictures of a run anew
+    softmodels doctor                   check the installation
+    """
+
+
+@softmodels.command("run")
+@click.argument("file", type=click.Path(path_type=Path))
+@commandline.run_options
+def run_file(
+    file: Path, output: Path | None, resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...]
+) -> None:
+    """Run a case FILE, such as the case.toml in a folder of results.
+
+    The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
+    """
+    case: list[Case] = []
+
+    def read() -> Case:
+        case.append(Case.from_file(file))
+        return case[0]
+
+    def folder() -> Path:
+        return output or Path("results") / case[0].name
+
+    commandline.execute(read, folder, resume, quiet, no_pictures, petsc)
+
+
+@softmodels.command("draw")
+@click.argument("folder", type=click.Path(path_type=Path))
+def draw(folder: Path) -> None:
+    """Make the pictures of the results in FOLDER anew."""
+    from softmodels.pictures import draw_folder
+
+    draw_folder(folder)
+
+
+@softmodels.command("doctor")
+def check() -> None:
+    """Tell what is installed and whether it works: versions, MPI, compiler, a one-second solve."""
+    from softmodels.doctor import doctor
+
+    doctor()
+
+
+def main() -> None:
+    commandline.main(softmodels)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+"""The command line that every actuator shares, made from the fields of its geometry and of the laws."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from geometries import Actuator, GeometryError
+from geometries.options import QuantityType, device_from, device_options
+from measurement.units import WATER_DENSITY
+from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series
+from softmodels.material_table import material_from, material_names, material_options
+from softmodels.materials import MaterialError
+from softmodels.parallel import speaks
+
+HELP = """Inflate {what} and write its whole load path.
+
+Pressures are heights of a water column in cm, as on the bench: {pressures} goes from rest to the end in steps the solver
+chooses; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses carry a unit (20mm,
+45deg, 30kPa). Near a limit point, where a pressure has no equilibrium any more, the run follows the cavity's volume by
+itself, finds the limit and says so.
+
+\b
+Examples:
+  python -m {module} --pressure-cm {pressures}
+  mpirun -n 2 python -m {module} --pressure-cm {pressures}
+  python -m {module} --pressure-cm 0:177:10 --section axisymmetric
+  python -m {module} --pressure-cm 0:30 --variant shadow --material ecoflex-00-30
+  python -m {module} --volume-ml 0:40 --variant shadow --material yeoh --c1 8kPa --c2 90Pa
+  python -m {module} --pressure-cm 0:177 -- -snes_monitor -log_view
+
+Words after -- go to PETSc; the factorisation of the tangent has the prefix body_.
+
+\b
+Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested value (limit point); 130 stopped.
+"""
+
+
+def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--no-pictures``, PETSc's words."""
+    command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
+    command = click.option("--no-pictures", is_flag=True, help="Leave the pictures out.")(command)
+    command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
+    command = click.option("--resume", is_flag=True, help="Go on from where an interrupted run stopped.")(command)
+    text = "Folder for the results; an earlier run's are replaced."
+    return click.option("--output", type=click.Path(path_type=Path), help=f"{text}  [default: results/NAME]")(command)
+
+
+def device_command(device: type[Actuator], module: str, name: str, pressures: str) -> click.Command:
+    """The click command of one actuator.
+
+    Args:
+        device: Its class.
+        module: How it is started, such as ``softmodels.disk``.
+        name: Stem of its result files and default folder.
+        pressures: The pressures shown in the help.
+    """
+
+    def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
+                output: Path | None, resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...],
+                **values: Any) -> None:  # fmt: skip
+        def case() -> Case:
+            law = {key: values.pop(key) for key in material_names()}
+            material = material_from(values.pop("material"), law)
+            return Case(
+                name=name, actuator=device_from(device, values), material=material,
+                pressures_cm=series(pressure_cm, "pressure") if pressure_cm is not None else (),
+                volumes_ml=series(volume_ml, "volume") if volume_ml is not None else (),
+                water_density=water_density, control=control, formulation=formulation,
+            )  # fmt: skip
+
+        execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc)
+
+    what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
+    command.__doc__ = HELP.format(what=what, pressures=pressures, module=module)
+    made: Callable[..., Any] = run_options(command)
+    made = click.option("--formulation", type=click.Choice(FORMULATIONS), default="mixed", show_default=True,
+                        help="Displacement and pressure, or displacement alone (compressible studies).")(made)  # fmt: skip
+    made = click.option("--control", type=click.Choice(CONTROLS), default="auto", show_default=True,
+                        help="What the path follows.")(made)  # fmt: skip
+    made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY,
+                        help=f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, the thesis' measured value]")(made)  # fmt: skip
+    made = material_options(made)
+    made = device_options(device)(made)
+    made = click.option("--volume-ml", metavar="SERIES", help="Added volumes of the cavity in ml, in place of pressures.")(made)
+    made = click.option("--pressure-cm", metavar="SERIES", help="Pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177.")(made)
+    return click.command(name=module, context_settings={"help_option_names": ["-h", "--help"]})(made)
+
+
+def execute(
+    case: Callable[[], Case], folder: Callable[[], Path], resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...]
+) -> None:
+    """Build a case, run it and exit with its status."""
+    try:
+        ready = case()
+        for word in petsc[:1]:
+            if not word.startswith("-"):
+                raise CaseError(f"unexpected argument {word!r}; options start with --, and PETSc's follow after a lone --")
+    except (CaseError, GeometryError, MaterialError) as error:
+        fail(str(error))
+    from softmodels.running import run
+
+    try:
+        status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures)
+    except ImportError as error:
+        fail(f"{error}; the simulation needs FEniCSx (softmodels doctor tells what is missing)", 1)
+    sys.exit(status)
+
+
+def fail(message: str, status: int = 2) -> None:
+    """Say one sentence, on one rank, and exit."""
+    if speaks():
+        print(f"softmodels: {message}", file=sys.stderr)
+    sys.exit(status)
+
+
+def main(command: click.Command) -> None:
+    """Run a click command; usage errors are one sentence and exit status 2, on one rank."""
+    try:
+        command.main(standalone_mode=False)
+    except click.exceptions.Abort:
+        fail("stopped by the user", 130)
+    except click.ClickException as error:
+        fail(f"{error.format_message()} (see --help)")

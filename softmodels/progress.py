@@ -1,0 +1,59 @@
+"""What a run says while it works: a bar on a terminal, a line per step in a log, nothing when quiet."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+
+class Progress:
+    """Progress of one path towards its last requested value.
+
+    Args:
+        last: Last requested value.
+        unit: Its unit, ``"cm"`` or ``"ml"``.
+        quiet: Say nothing.
+    """
+
+    def __init__(self, last: float, unit: str, quiet: bool):
+        from rich.console import Console
+
+        self.last, self.unit, self.quiet = last, unit, quiet
+        self.console = Console(stderr=True, quiet=quiet, highlight=False, soft_wrap=True)
+        self.started = time.monotonic()
+        self._bar: Any = None
+        self._first: float | None = None
+
+    def __enter__(self) -> Progress:
+        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
+
+        if self.console.is_terminal and not self.quiet:
+            columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+            self._bar = Bar(*columns, console=self.console)
+            self._task = self._bar.add_task("starting", total=self.last)
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def say(self, text: str) -> None:
+        """One line about what is going on."""
+        self.console.print(text)
+
+    def step(self, row: dict[str, Any], value: float) -> None:
+        """One step done: its row of the table, and how far it is towards the last requested value."""
+        text = (
+            f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  apex {row['apex_mm']:+8.3f} mm  "
+            f"{row['added_volume_ml']:+8.3f} ml  {row['newton_iterations']:2d} iterations"
+        )
+        if self._bar is not None:
+            self._bar.update(self._task, completed=max(0.0, min(value, self.last)), description=text)
+            return
+        self._first = value if self._first is None else self._first
+        elapsed, gone = time.monotonic() - self.started, value - self._first
+        left = elapsed * (self.last - value) / gone if gone > 0 else None
+        self.say(text + ("" if left is None else f"  {elapsed:6.1f} s, about {max(left, 0.0):.0f} s left"))
