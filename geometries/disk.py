@@ -12,7 +12,8 @@ The half profile, with the axis of symmetry z on the left::
     |______________________|__ r
     0       cavity radius   outer radius = cavity radius + wall
 
-The fillet rounds the membrane's root, the cavity's upper outer corner; a sharp corner has an unbounded stress there.
+The fillet rounds the membrane's root, the cavity's upper outer corner, and the base fillet the lower one: the stress at a
+sharp corner is unbounded, and a finer mesh then only ever shows more of it.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ class HollowDisk(Actuator):
     wall: float = length_field(0.010, "thickness of the solid around the cavity")
     cavity_height: float = length_field(0.004, "height of the cavity")
     fillet: float = length_field(0.001, "radius of the rounding at the membrane's root; 0 for none", zero=True)
+    base_fillet: float = length_field(0.001, "radius of the rounding at the edge of the cavity's floor; 0 for none", zero=True)
     cell_size: float = length_field(0.003, "edge length of the cells far from the membrane's root")
     refinement: float = number_field(2.0, "how many times smaller the cells at the membrane's root are")
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
@@ -139,11 +141,8 @@ class HollowDisk(Actuator):
 
     @property
     def cavity_volume(self) -> float:
-        radius, fillet = self.cavity_radius, self.fillet
-        inner = radius - fillet
-        # Solid of revolution between the sharp corner and the fillet's arc.
-        ring = fillet * (radius**2 - inner**2 - 0.5 * math.pi * fillet * inner - 2.0 / 3.0 * fillet**2)
-        return math.pi * (radius**2 * self.cavity_height - ring)
+        rounded = _rounding(self.cavity_radius, self.fillet) + _rounding(self.cavity_radius, self.base_fillet)
+        return math.pi * (self.cavity_radius**2 * self.cavity_height - rounded)
 
     @property
     def solid_volume(self) -> float:
@@ -165,6 +164,12 @@ class HollowDisk(Actuator):
         from geometries.disk_shape import build_profile, build_wedge
 
         build_profile(self) if self.dimension == 2 else build_wedge(self)
+
+
+def _rounding(radius: float, fillet: float) -> float:
+    """Volume over pi of the solid of revolution between a sharp corner at this radius and the fillet's arc."""
+    inner = radius - fillet
+    return fillet * (radius**2 - inner**2 - 0.5 * math.pi * fillet * inner - 2.0 / 3.0 * fillet**2)
 
 
 def _radial(degrees: float) -> Vector:

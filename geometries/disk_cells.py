@@ -1,7 +1,7 @@
 """How large the cells of a hollow disk are, and how many of them to expect.
 
 Three rules give the size at a point: never above the disk's cell size; two cells or more through the membrane, the base
-and the wall, however large the cell size; smaller at the membrane's root, where the stress peaks. Away from a thin part
+and the wall, however large the cell size; smaller at the membrane's root and along fillets, where the stress peaks. Away from a thin part
 or the root the size grows linearly with distance, so neighbours stay alike.
 """
 
@@ -34,17 +34,29 @@ def part_size(disk: HollowDisk, part: str) -> float:
     return min(disk.cell_size, thickness / THROUGH)
 
 
-def root_size(disk: HollowDisk) -> float:
-    """Return the cell size in m at the membrane's root."""
+def roots(disk: HollowDisk) -> list[tuple[float, float, float]]:
+    """Return the places with small cells as (height, cell size, distance within which cells have that size), in m.
+
+    They are rings at the cavity's radius: the membrane's root, and the edge of the floor if it is rounded.
+    """
     size = min(disk.cell_size / disk.refinement, part_size(disk, "membrane"), part_size(disk, "wall"))
-    return min(size, 0.5 * math.pi * disk.fillet / ALONG_ARC) if disk.fillet > 0.0 else size
+    upper = min(size, _arc_size(disk.fillet)) if disk.fillet > 0.0 else size
+    found = [(disk.ceiling, upper, disk.fillet + upper)]
+    if disk.base_fillet > 0.0:
+        lower = min(disk.cell_size, part_size(disk, "wall"), _arc_size(disk.base_fillet))
+        found.append((disk.base, lower, disk.base_fillet + lower))
+    return found
+
+
+def _arc_size(fillet: float) -> float:
+    return 0.5 * math.pi * fillet / ALONG_ARC
 
 
 def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
     """Return the cell size in m as a function of radius and height in m."""
     radius, floor, ceiling, far = disk.cavity_radius, disk.base, disk.ceiling, disk.cell_size
     membrane, base, wall = (part_size(disk, part) for part in ("membrane", "base", "wall"))
-    root, core = root_size(disk), _core(disk)
+    rings = roots(disk)
 
     def size(r: float, z: float) -> float:
         return min(
@@ -52,7 +64,7 @@ def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
             membrane + GROWTH * max(0.0, ceiling - z, r - radius),
             base + GROWTH * max(0.0, z - floor),
             wall + GROWTH * max(0.0, radius - r, floor - z),
-            root + GROWTH * max(0.0, math.hypot(r - radius, z - ceiling) - core),
+            *(cell + GROWTH * max(0.0, math.hypot(r - radius, z - height) - core) for height, cell, core in rings),
         )
 
     return size
@@ -62,11 +74,13 @@ def expected_cells(disk: HollowDisk) -> float:
     """Return a rough number of cells (within a factor of about two), from the sizes alone."""
     radius, outer = disk.cavity_radius, disk.outer_radius
     upper = disk.cavity_height + disk.membrane
-    root, core = root_size(disk), _core(disk)
     if disk.dimension == 2:
         areas = {"membrane": radius * disk.membrane, "base": outer * disk.base, "wall": disk.wall * upper}
-        # Three quarters of a disk around the root, then rings of growing cells.
-        rings = 1.5 * math.pi * (0.5 * (core / root) ** 2 + math.log(max(disk.cell_size / root, 1.0)) / GROWTH**2)
+        # Three quarters of a disk around each root, then rings of growing cells.
+        rings = sum(
+            1.5 * math.pi * (0.5 * (core / cell) ** 2 + math.log(max(disk.cell_size / cell, 1.0)) / GROWTH**2)
+            for _, cell, core in roots(disk)
+        )
         return (rings + sum(area / part_size(disk, part) ** 2 for part, area in areas.items())) / TRIANGLE
     share = disk.angle / 360.0
     volumes = {
@@ -75,10 +89,9 @@ def expected_cells(disk: HollowDisk) -> float:
         "wall": math.pi * (outer**2 - radius**2) * upper,
     }
     bulk = sum(volume / part_size(disk, part) ** 3 for part, volume in volumes.items())
-    ring = 2.0 * math.pi * radius * 1.5 * math.pi * (0.5 * core**2 / root**3 + 0.5 / (GROWTH**2 * root))
+    ring = sum(
+        2.0 * math.pi * radius * 1.5 * math.pi * (0.5 * core**2 / cell**3 + 0.5 / (GROWTH**2 * cell))
+        for _, cell, core in roots(disk)
+    )
     return share * (bulk + ring) / TETRAHEDRON
 
-
-def _core(disk: HollowDisk) -> float:
-    """Return the distance in m from the root's sharp corner within which cells have the root's size."""
-    return disk.fillet + root_size(disk)

@@ -34,12 +34,16 @@ def check_disk(disk: HollowDisk) -> None:
 
 
 def _check_shape(disk: HollowDisk) -> None:
-    for name in ("cavity_height", "cavity_radius"):
-        limit = getattr(disk, name)
-        if disk.fillet >= limit:
-            raise GeometryError(
-                f"fillet is {shown(disk.fillet, 'm')}; it must be smaller than {name}, {shown(limit, 'm')}"
-            )
+    for fillet in ("fillet", "base_fillet"):
+        for name in ("cavity_height", "cavity_radius"):
+            radius, limit = getattr(disk, fillet), getattr(disk, name)
+            if radius >= limit:
+                raise GeometryError(f"{fillet} is {shown(radius, 'm')}; it must be smaller than {name}, {shown(limit, 'm')}")
+    if disk.fillet + disk.base_fillet >= disk.cavity_height:
+        raise GeometryError(
+            f"fillet is {shown(disk.fillet, 'm')}; with base_fillet {shown(disk.base_fillet, 'm')} it leaves nothing of "
+            f"cavity_height, {shown(disk.cavity_height, 'm')}"
+        )
     if disk.outer_radius > LONGEST:
         raise GeometryError(
             f"wall is {shown(disk.wall, 'm')}; with cavity_radius {shown(disk.cavity_radius, 'm')} the disk's radius "

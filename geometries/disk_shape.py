@@ -31,9 +31,10 @@ class Edge(NamedTuple):
 
 def outline(disk: HollowDisk) -> list[Edge]:
     """Return the closed half profile in m, counted against the clock from the bottom centre."""
-    inner, outer, fillet = disk.cavity_radius, disk.outer_radius, disk.fillet
+    inner, outer, fillet, lower = disk.cavity_radius, disk.outer_radius, disk.fillet, disk.base_fillet
     floor, ceiling, top = disk.base, disk.ceiling, disk.height
     arc = [Edge("cavity", (inner - fillet, ceiling), (inner, ceiling - fillet), (inner - fillet, ceiling - fillet))]
+    foot = [Edge("cavity", (inner, floor + lower), (inner - lower, floor), (inner - lower, floor + lower))]
     return [
         Edge("support" if disk.support == "base" else "outer", (0.0, 0.0), (outer, 0.0)),
         Edge("outer", (outer, 0.0), (outer, top)),
@@ -41,8 +42,9 @@ def outline(disk: HollowDisk) -> list[Edge]:
         Edge("axis", (0.0, top), (0.0, ceiling)),
         Edge("cavity", (0.0, ceiling), (inner - fillet, ceiling)),
         *(arc if fillet > 0.0 else []),
-        Edge("cavity", (inner, ceiling - fillet), (inner, floor)),
-        Edge("cavity", (inner, floor), (0.0, floor)),
+        Edge("cavity", (inner, ceiling - fillet), (inner, floor + lower)),
+        *(foot if lower > 0.0 else []),
+        Edge("cavity", (inner - lower, floor), (0.0, floor)),
         Edge("axis", (0.0, floor), (0.0, 0.0)),
     ]
 

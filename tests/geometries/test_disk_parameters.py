@@ -24,6 +24,8 @@ REFUSED = [
     ({"cavity_radius": 9.0, "wall": 9.0}, "wall", "9 m"),
     ({"fillet": -0.001}, "fillet", "-1 mm"),
     ({"fillet": 0.004}, "fillet", "4 mm"),
+    ({"base_fillet": 0.0045}, "base_fillet", "4.5 mm"),
+    ({"fillet": 0.0025, "base_fillet": 0.002}, "base_fillet", "2 mm"),
     ({"fillet": 0.012, "cavity_height": 0.02}, "fillet", "12 mm"),
     ({"angle": 50}, "angle", "50 deg"),
     ({"angle": 0}, "angle", "0 deg"),

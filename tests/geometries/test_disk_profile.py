@@ -37,7 +37,8 @@ def test_lines_are_where_their_roles_say(disk, meshed):
     bottom = np.abs(z) < near
     assert np.all(bottom | (np.abs(z - disk.height) < near) | (np.abs(r - disk.outer_radius) < near))
     assert np.count_nonzero(bottom) > 1 if disk.support == "rim" else np.count_nonzero(bottom) == 1
-    cavity = 2 * disk.cavity_radius + disk.cavity_height - (2 - np.pi / 2) * disk.fillet
+    cavity = 2 * disk.cavity_radius + disk.cavity_height
+    cavity -= (2 - np.pi / 2) * (disk.fillet + disk.base_fillet)
     assert mesh.groups[1, "cavity"].measure == pytest.approx(cavity, rel={1: 1e-2, 2: 1e-4}[disk.order])
     if disk.support == "rim":
         assert mesh.at(0, "support") == pytest.approx(np.array([[disk.outer_radius, 0, 0]]))
@@ -49,7 +50,7 @@ def test_area_and_flatness(disk, meshed):
     mesh = meshed(disk)
     assert np.abs(mesh.at(2, "solid")[:, 2]).max() == 0.0
     area = disk.outer_radius * disk.height - disk.cavity_radius * disk.cavity_height
-    area += disk.fillet**2 * (1 - np.pi / 4)
+    area += (disk.fillet**2 + disk.base_fillet**2) * (1 - np.pi / 4)
     assert mesh.groups[2, "solid"].measure == pytest.approx(area, rel={1: 1e-3, 2: 1e-5}[disk.order])
 
 
@@ -74,9 +75,12 @@ def test_probes_and_profile_in_device_coordinates(disk, meshed):
 
 
 def test_closed_volumes_agree_with_turning_the_outline():
-    disk = HollowDisk(fillet=0.003)
+    disk = HollowDisk(fillet=0.0025, base_fillet=0.0012)
     z = np.linspace(disk.base, disk.ceiling, 200_001)
     over = np.maximum(z - (disk.ceiling - disk.fillet), 0.0)
-    r = disk.cavity_radius - disk.fillet + np.sqrt(np.maximum(disk.fillet**2 - over**2, 0.0))
+    under = np.maximum(disk.base + disk.base_fillet - z, 0.0)
+    upper = disk.fillet - np.sqrt(np.maximum(disk.fillet**2 - over**2, 0.0))
+    lower = disk.base_fillet - np.sqrt(np.maximum(disk.base_fillet**2 - under**2, 0.0))
+    r = disk.cavity_radius - upper - lower
     assert disk.cavity_volume == pytest.approx(np.trapezoid(np.pi * r**2, z), rel=1e-7)
     assert disk.cavity_volume + disk.solid_volume == pytest.approx(np.pi * disk.outer_radius**2 * disk.height)
