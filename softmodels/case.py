@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +20,10 @@ CONTROLS = ("auto", "pressure", "volume", "arc-length")
 FORMULATIONS = ("mixed", "displacement")
 STIFFNESS_RANGE = 30.0
 """Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""
+MODULI = (500.0, 5e6)
+"""Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
+VOLUME_RANGE = 1000.0
+"""Added volumes above this many cavities are taken for a mistake in a unit: a silicone tears at a tenth of that stretch."""
 
 
 class CaseError(ValueError):
@@ -50,6 +55,8 @@ class Case:
     formulation: str = "mixed"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
+            raise CaseError(f"name {self.name!r} cannot name files; use letters, digits, '_', '-', '+' and '.'")
         if bool(self.pressures_cm) == bool(self.volumes_ml):
             raise CaseError("request either pressures (--pressure-cm) or added volumes (--volume-ml), one of the two")
         if self.control not in CONTROLS:
@@ -62,13 +69,27 @@ class Case:
             raise CaseError("poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed")
         if not 100.0 <= self.water_density <= 20000.0:
             raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
-        if self.pressures_cm:
-            most, mu = self.pressures_cm[-1] * self.cm, self.material.shear_modulus_0
-            if most > STIFFNESS_RANGE * mu:
-                raise CaseError(
-                    f"a pressure of {most / 1e3:.4g} kPa against a shear modulus of {mu / 1e3:.4g} kPa cannot be meant: "
-                    "check the units of both (silicones have 5 to 500 kPa)"
-                )
+        self._check_sizes()
+
+    def _check_sizes(self) -> None:
+        """Refuse numbers that only a mistaken unit gives: the solver would take them, or fail without saying why."""
+        mu = self.material.shear_modulus_0
+        if not MODULI[0] <= mu <= MODULI[1]:
+            raise CaseError(
+                f"the material's shear modulus is {mu:.4g} Pa; silicones have 5 to 500 kPa, so check the units of its "
+                f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are taken)"
+            )
+        if self.pressures_cm and (most := self.pressures_cm[-1] * self.cm) > STIFFNESS_RANGE * mu:
+            raise CaseError(
+                f"a pressure of {self.pressures_cm[-1]:g} cm ({most / 1e3:.4g} kPa) against a shear modulus of "
+                f"{mu / 1e3:.4g} kPa cannot be meant: check the units of both (silicones have 5 to 500 kPa)"
+            )
+        cavity = self.actuator.cavity_volume
+        if self.volumes_ml and self.volumes_ml[-1] * 1e-6 > VOLUME_RANGE * cavity:
+            raise CaseError(
+                f"an added volume of {self.volumes_ml[-1]:g} ml against a cavity of {cavity * 1e6:.4g} ml cannot be meant; "
+                f"at most {VOLUME_RANGE:g} times the cavity is taken"
+            )
 
     @property
     def cm(self) -> float:
@@ -108,6 +129,9 @@ class Case:
         except tomllib.TOMLDecodeError as error:
             raise CaseError(f"not valid TOML: {error}") from None
         _known(tables, "the case", ("name", "geometry", "material", "load", "solver"))
+        for table in ("geometry", "material", "load", "solver"):
+            if not isinstance(tables.get(table, {}), dict):
+                raise CaseError(f"{table} is {tables[table]!r}; it must be a table, which begins with a line [{table}]")
         load, solver = tables.get("load", {}), tables.get("solver", {})
         _known(load, "[load]", ("pressure_cm", "volume_ml", "water_density", "control"))
         _known(solver, "[solver]", ("formulation",))
@@ -121,15 +145,16 @@ class Case:
                 material=material_table.from_table(tables["material"]) if "material" in tables else material_table.DEFAULT,
                 pressures_cm=series(load.get("pressure_cm", ()), "pressure"),
                 volumes_ml=series(load.get("volume_ml", ()), "volume"),
-                water_density=quantity(load.get("water_density", exact_text(WATER_DENSITY, "kg/m^3")), "kg/m^3"),
+                water_density=_density(load.get("water_density", exact_text(WATER_DENSITY, "kg/m^3"))),
                 control=load.get("control", "auto"),
                 formulation=solver.get("formulation", "mixed"),
             )
-        except (GeometryError, MaterialError, UnitError) as error:
+        except (GeometryError, MaterialError) as error:
             raise CaseError(str(error)) from None
 
     @classmethod
     def from_file(cls, path: Path) -> Case:
+        """Read a case file; see `from_toml`. The messages name the file."""
         try:
             return cls.from_toml(path.read_text())
         except (OSError, UnicodeDecodeError) as error:
@@ -142,6 +167,13 @@ def _known(table: Mapping[str, Any], where: str, names: tuple[str, ...]) -> None
     for key in table:
         if key not in names:
             raise CaseError(f"{where} has an unknown entry {key!r}; known are {', '.join(names)}")
+
+
+def _density(value: Any) -> float:
+    try:
+        return quantity(value, "kg/m^3")
+    except UnitError as error:
+        raise CaseError(f"water_density: {error}") from None
 
 
 def series(text: Any, what: str) -> tuple[float, ...]:
@@ -165,6 +197,8 @@ def series(text: Any, what: str) -> tuple[float, ...]:
     else:
         separator, parts = ",", [text]
     try:
+        if any(isinstance(part, bool) for part in parts):
+            raise TypeError("true is no number here, though Python would take it for 1")
         numbers = [float(part) for part in parts]
     except (TypeError, ValueError):
         raise CaseError(f"{what} {text!r} is not numbers; write 0:177, 0:177:10 or 0,70,130,177") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from measurement.units import WATER_DENSITY
 from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import MaterialError
-from softmodels.parallel import speaks
+from softmodels.parallel import StartError, speaks
 
 HELP = """Inflate {what} and write its whole load path.
 
@@ -106,6 +107,8 @@ def execute(
 
     try:
         status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures)
+    except StartError as error:
+        fail(str(error))
     except ImportError as error:
         fail(f"{error}; the simulation needs FEniCSx (softmodels doctor tells what is missing)", 1)
     sys.exit(status)
@@ -120,9 +123,14 @@ def fail(message: str, status: int = 2) -> None:
 
 def main(command: click.Command) -> None:
     """Run a click command; usage errors are one sentence and exit status 2, on one rank."""
+    if not speaks():
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help too is said once, and the stream lives on)
     try:
         command.main(standalone_mode=False)
     except click.exceptions.Abort:
         fail("stopped by the user", 130)
+    except click.exceptions.NoArgsIsHelpError as error:
+        print(error.format_message())
+        sys.exit(2)
     except click.ClickException as error:
         fail(f"{error.format_message()} (see --help)")

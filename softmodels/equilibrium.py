@@ -27,8 +27,10 @@ FORMULATIONS = ("mixed", "displacement")
 TOLERANCE = 1e-9  # residual against the load of the cavity pressure
 FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance any finer
 MOST_ITERATIONS = 15
-LINEAR_TOLERANCE = 1e-4
-STALE = 10  # GMRES iterations after which the kept factorisation has earned its replacement
+LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
+TANGENT_TOLERANCE = 1e-5
+WORN = 25  # GMRES iterations in one solve after which the kept factorisation is replaced at once
+STALE = 60  # GMRES iterations in all after which the next state gets a factorisation of its own
 
 
 class NoConvergence(RuntimeError):
@@ -233,7 +235,7 @@ class Equilibrium:
 
     def _jacobian(self, snes: Any, x: Any, J: Any, P: Any) -> None:
         self._take(x)
-        if self.system.factorisations == 0 or self.age > STALE:
+        if self.system.factorisations == 0 or self.snes.getKSP().getIterationNumber() > WORN:
             self._assemble_tangent()
             self.system.factorise()
             self.age, self._adrift = 0, True
@@ -260,7 +262,7 @@ class Equilibrium:
         ksp.setType("gmres")
         ksp.setGMRESRestart(60)
         ksp.setPCSide(PETSc.PC.Side.RIGHT)
-        ksp.setTolerances(rtol=LINEAR_TOLERANCE, atol=0.0, max_it=60)
+        ksp.setTolerances(rtol=LOOSEST, atol=0.0, max_it=60)
         pc = ksp.getPC()
         pc.setType("python")
         pc.setPythonContext(self.system)
@@ -268,7 +270,7 @@ class Equilibrium:
 
     def _guard(self, x: Any, y: Any) -> bool:
         """Shorten Newton's step y (the next iterate is x - y) until no integration point turns inside out."""
-        self.age = max(self.age, self.snes.getKSP().getIterationNumber())
+        self.age += self.snes.getKSP().getIterationNumber()
         self._take(x)
         least = 0.1 * self.smallest_J()
         trial, factor = x.duplicate(), 1.0
@@ -297,6 +299,10 @@ class Equilibrium:
             return PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
         if iteration >= 3 and residual > 1e3 * self._first:
             return PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+        # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
+        forcing = LOOSEST if iteration == 0 else min(LOOSEST, (residual / self._before) ** 2)
+        snes.getKSP().setTolerances(rtol=min(max(forcing, 0.3 * tolerance / residual), LOOSEST))
+        self._before = residual
         return PETSc.SNES.ConvergedReason.ITERATING
 
     def solve(self, control: Control, w: npt.NDArray[np.float64], P: float) -> State:
@@ -333,8 +339,8 @@ class Equilibrium:
         """Whether a new factorisation is due: the kept one has aged, or was made at an iterate and not at a state."""
         return self.system.factorisations == 0 or self.age > STALE or self._adrift
 
-    def tangent(self, state: State, control: Control) -> Tangent:
-        """Direction of the path at a state, scaled to one unit of the control's line.
+    def tangent(self, state: State, control: Control, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
+        """Direction of the path at a state, scaled to one unit of the control's line, to a relative tolerance.
 
         Raises:
             NoConvergence: The linear solver did not get there (the line runs along the path, say).
@@ -348,9 +354,9 @@ class Equilibrium:
         system.join(rhs, 0.0, 1.0)
         system.mat.assemble()
         ksp.setOperators(system.mat)
-        ksp.setTolerances(rtol=1e-8)
+        ksp.setTolerances(rtol=tolerance)
         ksp.solve(rhs, x)
-        ksp.setTolerances(rtol=LINEAR_TOLERANCE)
+        self.age += ksp.getIterationNumber()
         if ksp.getConvergedReason() <= 0:
             raise NoConvergence("the linear solver failed on the path's direction")
         body, dP = system.split(x)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from softmodels.controls import Control, arc_length, pressure_control, volume_control
-from softmodels.equilibrium import Equilibrium, NoConvergence, State, Tangent
+from softmodels.equilibrium import TANGENT_TOLERANCE, Equilibrium, NoConvergence, State, Tangent
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
 QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
@@ -126,14 +126,14 @@ class Path:
 
     # -- one step -----------------------------------------------------------------------------------------------------
 
-    def tangent(self, state: State) -> Tangent:
+    def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
         """Direction at a state, kept pointing forward; measured square to the last direction, so regular at limits."""
         if self.points:
             t = self.last.tangent
             line = arc_length(0.0, 0.0, t.V, t.P, 0.0, self.V0, self.P_scale)
         else:
             line = Control(1 / self.V0, 1.0, 0.0)
-        return self.equilibrium.tangent(state, line)
+        return self.equilibrium.tangent(state, line, tolerance)
 
     def ahead(self, step: float) -> Control:
         """The line that lies ``step`` ahead of the last point, for what the path is following."""
@@ -242,7 +242,7 @@ class Path:
         for _ in range(25):
             V = (low.state.V * f_high - high.state.V * f_low) / (f_high - f_low)
             state = self.solve(volume_control(V), (low, high))
-            best = dataclasses.replace(high, state=state, tangent=self.tangent(state))
+            best = dataclasses.replace(high, state=state, tangent=self.tangent(state, 1e-9))
             value = f(best)
             if abs(value) <= 1e-7 * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.V0:
                 break

@@ -67,7 +67,7 @@ def material_from(name: str | None, values: Mapping[str, Any]) -> Material:
     given = {key: value for key, value in values.items() if value is not None}
     if name is None and not given:
         return DEFAULT
-    law = name or "neo-hookean"
+    law = "neo-hookean" if name is None else name
     if law in LAWS:
         if law == "neo-hookean" and not {"shear_modulus", "young", "c1", "d1"} & set(given):
             given["shear_modulus"] = exact_text(DEFAULT.shear_modulus, "Pa")
@@ -75,7 +75,10 @@ def material_from(name: str | None, values: Mapping[str, Any]) -> Material:
     if law in SILICONES:
         table = to_table(SILICONES[law].material)
     elif law.endswith(".toml") or Path(law).is_file():
-        table = _read_file(Path(law))
+        try:
+            return from_table({**_read_file(Path(law)), **given})
+        except MaterialError as error:
+            raise MaterialError(f"material file {law}: {error}") from None
     else:
         known = ", ".join([*LAWS, *SILICONES])
         raise MaterialError(f"material {law!r} is neither a law, a silicone nor a TOML file; known are {known}")
@@ -86,11 +89,11 @@ def _read_file(path: Path) -> dict[str, Any]:
     try:
         table = tomllib.loads(path.read_text())
     except OSError as error:
-        raise MaterialError(f"material file {path} cannot be read ({error.strerror})") from None
+        raise MaterialError(f"it cannot be read ({error.strerror})") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MaterialError(f"material file {path} is not valid TOML ({error})") from None
+        raise MaterialError(f"it is not valid TOML ({error})") from None
     if not isinstance(table.get("material"), dict):
-        raise MaterialError(f"material file {path} has no [material] table")
+        raise MaterialError("it has no [material] table")
     return dict(table["material"])
 
 
@@ -115,11 +118,11 @@ def from_table(table: Mapping[str, Any]) -> Material:
     values = dict(table)
     if "silicone" in values:
         silicone = values.pop("silicone")
-        if silicone not in SILICONES:
+        if not isinstance(silicone, str) or silicone not in SILICONES:
             raise MaterialError(f"silicone {silicone!r} is unknown; known are {', '.join(SILICONES)}")
         return from_table({**to_table(SILICONES[silicone].material), **values})
     name = values.pop("law", None)
-    if name not in LAWS:
+    if not isinstance(name, str) or name not in LAWS:
         raise MaterialError(f"law {name!r} is unknown; known are {', '.join(LAWS)}")
     law = LAWS[name]
     fields = {field.name: field for field in dataclasses.fields(law)}
@@ -145,6 +148,8 @@ def _neo_hookean(values: Mapping[str, Any]) -> NeoHookean:
     """From Young's modulus, or from the thesis' C1 and D1."""
     read = {key: _read("neo-hookean", key, value, "" if key == "poisson" else "Pa") for key, value in values.items()}
     if read.keys() <= {"young", "poisson"} and "young" in read:
+        if read.get("poisson") == -1.0:
+            raise MaterialError("neo-hookean: poisson = -1 is outside -1 to 0.5")  # ahead of a division by zero
         return NeoHookean.from_young(**read)
     if read.keys() == {"c1", "d1"}:
         return NeoHookean.from_c1_d1(**read)

@@ -10,11 +10,18 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 
+class StartError(RuntimeError):
+    """PETSc could not be started with the words given to it; the message is a sentence for the user."""
+
+
 def start(petsc_options: Sequence[str] = ()) -> Any:
     """Import MPI, PETSc and DOLFINx in the order they need and return the world communicator.
 
     Args:
         petsc_options: Words for PETSc's option database, read once, at the first call in a process.
+
+    Raises:
+        StartError: PETSc cannot take the words.
     """
     # More BLAS threads than cores slow MUMPS several times over; a user's own setting stands.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -24,10 +31,19 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
         pass  # conda, Debian or a container: the upstream modules stand alone
     import petsc4py
 
-    petsc4py.init([sys.argv[0], *petsc_options])
+    try:
+        petsc4py.init([sys.argv[0], *petsc_options])
+    except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be named before PETSc has started
+        words = " ".join(petsc_options)
+        raise StartError(f"PETSc does not start with the words {words!r} ({petsc_reason(error)}); check what follows --") from None
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
+
+
+def petsc_reason(error: BaseException) -> str:
+    """What an error of PETSc was about: the last line of its trace."""
+    return str(error).strip().splitlines()[-1].removeprefix("[0] ")
 
 
 def is_root(comm: Any) -> bool:

@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 import numpy.typing as npt
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 
 from geometries import Actuator
 
@@ -29,22 +32,28 @@ WIDTH = 10.0
 COLOURS = "Spectral_r"
 LINES = "viridis"
 SOLID = "#d9e2ec"
-STYLE = {"font.size": 12, "axes.titlesize": 13, "legend.fontsize": 11, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 2.0}
+STYLE: Any = {
+    "font.size": 12,
+    "axes.titlesize": 13,
+    "legend.fontsize": 11,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "lines.linewidth": 2.0,
+}
+INK, EDGE, FAINT = "#102a43", "#334e68", "#829ab1"
+CURVE, WARNING = "#2f6f9f", "#c0392b"
 FEW = 2
 """Up to this many requested values, the profile shows steps in between as well."""
 LEGEND_LINES = 12
 
-EDGES = {
-    "Triangle_6": ((0, 1, 3), (1, 2, 4), (2, 0, 5)),
-    "Tetrahedron_10": ((0, 1, 4), (1, 2, 5), (2, 0, 6), (0, 3, 7), (1, 3, 8), (2, 3, 9)),
-}
-"""Edges of a cell in VTK's order of nodes: both ends and the node between them."""
+EDGES = np.array([(0, 1, 3), (1, 2, 4), (2, 0, 5)])
+"""Edges of a six-node triangle: both ends and the node between them."""
 
 FACES = {
     "Triangle_6": ((0, 1, 2, 3, 4, 5),),
     "Tetrahedron_10": ((0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9), (0, 2, 1, 6, 5, 4)),
 }
-"""Faces of a cell as triangles of six nodes."""
+"""Faces of a cell, in VTK's order of nodes, as triangles of six nodes."""
 
 
 def number(value: float) -> str:
@@ -54,9 +63,8 @@ def number(value: float) -> str:
 
 def headline(row: Row) -> str:
     """What a state is, in words and units."""
-    return (
-        f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa), apex rise {row['apex_mm']:.2f} mm"
-    )
+    pressure = f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
+    return f"{pressure}, apex rise {row['apex_mm']:.2f} mm"
 
 
 # -- second-order cells -----------------------------------------------------------------------------------------------
@@ -80,7 +88,7 @@ def edge_curves(points: Array, faces: npt.NDArray[np.int64], parts: int = 8) -> 
     Returns:
         Shape (edges, parts + 1, d).
     """
-    edges = faces[:, np.array(EDGES["Triangle_6"])].reshape(-1, 3)
+    edges = faces[:, EDGES].reshape(-1, 3)
     edges = edges[np.unique(edges[:, 2], return_index=True)[1]]
     return _along(points[edges], parts)
 
@@ -149,9 +157,6 @@ class Stress:
         self.colours = matplotlib.colormaps[COLOURS]
 
     def bar(self, figure: Figure, axes: Axes) -> None:
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize
-
         scale = ScalarMappable(Normalize(0.0, self.top), self.colours)
         figure.colorbar(
             scale,
@@ -170,8 +175,8 @@ def section_mesh(points: Array, cells: npt.NDArray[np.int64]) -> Figure:
     flat = points[:, ::2] * 1e3
     figure, axes = _section(flat, 0.0)
     fine, triangles = fine_triangles(flat, cells)
-    axes.tripcolor(*fine.T, triangles, np.zeros(len(fine)), cmap=matplotlib.colors.ListedColormap([SOLID]), rasterized=True)
-    axes.add_collection(LineCollection(list(edge_curves(flat, cells)), colors="#334e68", linewidths=0.9))
+    axes.tripcolor(Triangulation(fine[:, 0], fine[:, 1], triangles), np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
+    axes.add_collection(LineCollection(list(edge_curves(flat, cells)), colors=EDGE, linewidths=0.9))
     axes.set_title(f"Undeformed half section, {len(cells)} cells")
     return figure
 
@@ -189,11 +194,10 @@ def section_stress(points: Array, moved: Array, cells: npt.NDArray[np.int64], va
     before, after, stress = points[:, ::2] * 1e3, moved[:, ::2] * 1e3, Stress(values)
     figure, axes = _section(np.concatenate([before, after]), 0.95)
     fine, triangles = fine_triangles(np.column_stack([after, values / 1e3]), cells)
-    axes.tripcolor(
-        *fine[:, :2].T, triangles, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=0.0, vmax=stress.top, rasterized=True
-    )
-    for shown, style in ((after, {"colors": "#102a43", "linewidths": 1.0}), (before, {"colors": "#627d98", "linewidths": 0.8})):
-        axes.add_collection(LineCollection(list(outline(shown, cells)), **style))  # type: ignore[arg-type]
+    flat = Triangulation(fine[:, 0], fine[:, 1], triangles)
+    axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=0.0, vmax=stress.top)
+    for shown, colour in ((after, INK), (before, FAINT)):
+        axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.0))
     axes.set_title(headline(row))
     height = figure.get_figheight()
     stress.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
@@ -202,7 +206,7 @@ def section_stress(points: Array, moved: Array, cells: npt.NDArray[np.int64], va
 
 def outline(points: Array, cells: npt.NDArray[np.int64]) -> Array:
     """Curves along the edges that belong to one triangle alone, shape (n, d) to (edges, 9, d)."""
-    edges = cells[:, np.array(EDGES["Triangle_6"])].reshape(-1, 3)
+    edges = cells[:, EDGES].reshape(-1, 3)
     _, first, count = np.unique(edges[:, 2], return_index=True, return_counts=True)
     return _along(points[edges[first[count == 1]]], 8)
 
@@ -221,7 +225,7 @@ def _section(points: Array, foot: float) -> tuple[Figure, Axes]:
     axes = figure.add_axes(((1.0 - used) / 2 + 0.02, below / whole, used, height / whole))
     axes.set(xlim=(left - margin, right + margin), ylim=(low - margin, high + margin))
     axes.set(xlabel="radius in mm", ylabel="height in mm")
-    axes.axvline(0.0, color="#829ab1", linestyle=(0, (8, 3, 1, 3)), linewidth=1.0)
+    axes.axvline(0.0, color=FAINT, linestyle=(0, (8, 3, 1, 3)), linewidth=1.0)
     axes.grid(False)
     return figure, axes
 
@@ -239,18 +243,20 @@ def apex(rows: Sequence[Row], pascal_per_cm: float) -> Figure:
     path = np.array([[row["pressure_cm"], row["apex_mm"]] for row in rows])
     figure = Figure((WIDTH, 6.4), dpi=DPI, layout="constrained")
     axes = figure.subplots()
-    axes.plot(*smooth(path).T, color="#2f6f9f", label="simulated path")
-    axes.plot(*path.T, "o", color="#2f6f9f", markersize=3.5, label="steps")
+    axes.plot(*smooth(path).T, color=CURVE, label="simulated path")
+    axes.plot(*path.T, "o", color=CURVE, markersize=3.5, label="steps")
     asked = np.array([[row["pressure_cm"], row["apex_mm"]] for row in rows if row["requested"]]).reshape(-1, 2)
     if len(asked):
-        axes.plot(*asked.T, "o", color="#2f6f9f", markerfacecolor="white", markersize=9, markeredgewidth=2, label="requested")
+        axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=9, markeredgewidth=2, label="requested")
     for row in limits(rows):
-        label = f"limit point: {row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa), {row['apex_mm']:.4g} mm"
-        axes.plot(row["pressure_cm"], row["apex_mm"], "D", color="#c0392b", markersize=9, label=label)
+        pressure = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
+        label = f"limit point: {pressure}, {row['apex_mm']:.4g} mm"
+        axes.plot(row["pressure_cm"], row["apex_mm"], "D", color=WARNING, markersize=9, label=label)
     axes.set(xlabel="pressure in cm of water", ylabel="apex rise in mm")
     axes.margins(0.04)
     k = pascal_per_cm / 1e3
-    axes.secondary_xaxis("top", functions=(lambda cm: cm * k, lambda kilo: kilo / k)).set_xlabel("pressure in kPa", labelpad=8)
+    convert: Any = (lambda column: column * k, lambda pressure: pressure / k)
+    axes.secondary_xaxis("top", functions=convert).set_xlabel("pressure in kPa", labelpad=8)
     axes.legend(loc="lower right")
     return figure
 
@@ -263,17 +269,27 @@ def limits(rows: Sequence[Row]) -> list[Row]:
 def smooth(path: Array, count: int = 400) -> Array:
     """A curve through points of a plane that keeps their turning points, shape (n, 2) to (count, 2).
 
-    Monotone between neighbours in both directions, so that it neither overshoots nor shows a limit that is not there.
+    Cubic pieces, monotone between neighbours in both directions (Fritsch and Butland), so that the curve neither
+    overshoots nor shows a limit that is not there.
     """
-    from scipy.interpolate import PchipInterpolator
-
     scale = np.ptp(path, axis=0)
     lengths = np.linalg.norm(np.diff(path, axis=0) / np.where(scale > 0, scale, 1.0), axis=1)
-    kept = np.concatenate([[True], lengths > 0])
-    along = np.concatenate([[0.0], np.cumsum(lengths)])[kept]
-    if len(along) < 3:
+    if np.count_nonzero(lengths) < 2:
         return path
-    return np.asarray(PchipInterpolator(along, path[kept])(np.linspace(0.0, along[-1], count)))
+    path = path[np.concatenate([[True], lengths > 0])]
+    h = lengths[lengths > 0][:, None]
+    secants = np.diff(path, axis=0) / h
+    before, after = secants[:-1], secants[1:]
+    apart = (before * after <= 0) | (before == 0)
+    near, far = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+    inner = np.where(apart, 0.0, (near + far) * before * after / np.where(apart, 1.0, near * after + far * before))
+    slopes = np.concatenate([secants[:1], inner, secants[-1:]])
+    along = np.concatenate([[0.0], np.cumsum(h)])
+    places = np.linspace(0.0, along[-1], count)
+    k = np.clip(np.searchsorted(along, places) - 1, 0, len(h) - 1)
+    t = ((places - along[k]) / h[k, 0])[:, None]
+    ends = path[k] * (1 + 2 * t) * (1 - t) ** 2 + path[k + 1] * t**2 * (3 - 2 * t)
+    return ends + h[k] * (slopes[k] * t * (1 - t) ** 2 + slopes[k + 1] * t**2 * (t - 1))
 
 
 # -- profiles ---------------------------------------------------------------------------------------------------------
@@ -334,7 +350,7 @@ def profiles(lines: Mapping[int, Array], rest: Array, rows: Sequence[Row]) -> Fi
     figure = Figure((WIDTH, whole), dpi=DPI)
     axes = figure.add_axes((0.85 / WIDTH, (whole - height + 0.25) / 2 / whole, inner / WIDTH, height / whole))
     axes.set(xlim=(-reach, reach), ylim=(bottom, bottom + 2 * reach * height / inner), aspect="equal")
-    axes.plot(*_both_sides(rest).T, "--", color="#52606d", linewidth=1.4, label="undeformed")
+    axes.plot(*_both_sides(rest).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
     colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
     turned = min((k for k, row in enumerate(rows) if row["limit"]), default=len(rows))
     for colour, (step, line) in zip(colours, lines.items(), strict=False):

@@ -42,7 +42,10 @@ class Progress:
 
     def say(self, text: str) -> None:
         """One line about what is going on."""
-        self.console.print(text)
+        try:
+            self.console.print(text)
+        except (OSError, SystemExit):  # rich ends the program when its reader has gone; a run outlives its log
+            self.console.quiet = True
 
     def step(self, row: dict[str, Any], value: float) -> None:
         """One step done: its row of the table, and how far it is towards the last requested value."""

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import errno
 import io
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -71,22 +73,19 @@ class Results:
         shutil.rmtree(self.steps, ignore_errors=True)
         for path in (self.heavy, self.folder / f"{self.name}.xdmf", self.folder / "path.csv", self.folder / "summary.json"):
             path.unlink(missing_ok=True)
-        for picture in self.folder.glob("*.png"):
-            picture.unlink()
+        for picture in (*PICTURES, self.name):
+            (self.folder / f"{picture}.png").unlink(missing_ok=True)
 
     def begin(self, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], cell_name: str) -> None:
         """Store the grid: points (n, 3) in m, cells (c, k) of an XDMF cell type."""
-        import h5py
-
         self.folder.mkdir(parents=True, exist_ok=True)
         self.steps.mkdir(exist_ok=True)
 
-        def fill(path: Path) -> None:
-            with h5py.File(path, "w") as file:
-                file["mesh/points"], file["mesh/cells"] = points, cells
-                file["mesh"].attrs["cell_name"] = cell_name
+        def fill(file: Any) -> None:
+            file["mesh/points"], file["mesh/cells"] = points, cells
+            file["mesh"].attrs["cell_name"] = cell_name
 
-        replace(self.heavy, fill)
+        replace_hdf5(self.heavy, fill)
         self._shapes = (len(points), cells.shape, cell_name)
 
     def load(self) -> None:
@@ -116,18 +115,15 @@ class Results:
 
     def add(self, row: Mapping[str, Any], fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
-        import h5py
-
         number = len(self.stored)
 
-        def fill(path: Path) -> None:
-            with h5py.File(path, "w") as file:
-                for name, values in fields.items():
-                    file[name] = values
-                file.attrs[ROW], file.attrs[RESTART] = json.dumps(dict(row)), json.dumps(dict(restart))
+        def fill(file: Any) -> None:
+            for name, values in fields.items():
+                file[name] = values
+            file.attrs[ROW], file.attrs[RESTART] = json.dumps(dict(row)), json.dumps(dict(restart))
 
         path = self.steps / f"{number:04d}.h5"
-        replace(path, fill)
+        replace_hdf5(path, fill)
         self.stored.append(Stored(f"{self.steps.name}/{path.name}", "", dict(row), dict(restart)))
         self.write_light()
 
@@ -140,8 +136,17 @@ class Results:
             return {name: file[f"{stored.group}/{name}"][:] for name in names}
 
     def finish(self) -> None:
-        """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere."""
+        """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere.
+
+        Raises:
+            OSError: There is no room for it; all steps stay where they are.
+        """
         import h5py
+
+        size = sum((self.folder / file).stat().st_size for file in {self.heavy.name, *(stored.file for stored in self.stored)})
+        # Asked beforehand, because HDF5 takes a full disk badly: see `replace_hdf5`. All at once may not fit in memory.
+        if shutil.disk_usage(self.folder).free < size:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
         def fill(path: Path) -> None:
             with h5py.File(path, "w") as file:
@@ -156,7 +161,10 @@ class Results:
                         for key, value in part.attrs.items():
                             group.attrs[key] = value
 
-        replace(self.heavy, fill)
+        try:
+            replace(self.heavy, fill)
+        except (OSError, RuntimeError) as error:
+            raise OSError(errno.EIO, hdf5_reason(error)) from error
         self.stored = [
             dataclasses.replace(stored, file=self.heavy.name, group=f"/steps/{number:04d}")
             for number, stored in enumerate(self.stored)
@@ -195,6 +203,9 @@ class Results:
 FIELDS = {"displacement": "Vector", "p": "Scalar", "von_mises_stress": "Scalar", "largest_stretch": "Scalar", "J": "Scalar"}
 """Nodal fields of every step, with XDMF's kind."""
 
+PICTURES = ("apex", "profile", "mesh", "slice")
+"""Stems of the pictures drawn beside the one that has the results' own name."""
+
 
 def _item(parent: Any, shape: tuple[int, ...], place: str, number: str = "Float", precision: str = "8") -> None:
     item = ElementTree.SubElement(
@@ -216,3 +227,23 @@ def replace(path: Path, fill: Callable[[Path], Any]) -> None:
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
+
+
+def replace_hdf5(path: Path, fill: Callable[[Any], Any]) -> None:
+    """Make an HDF5 file in memory and write its bytes.
+
+    Writing by itself, HDF5 finds a full disk only when it closes the file, and then may crash at the program's end.
+    """
+    import h5py
+
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+        fill(file)
+        file.flush()
+        image = file.id.get_file_image()
+    replace(path, lambda aside: aside.write_bytes(image))
+
+
+def hdf5_reason(error: BaseException) -> str:
+    """The operating system's word in one of HDF5's long messages, or the message's first line."""
+    found = re.search(r"error message = '([^']+)'", str(error))
+    return found[1] if found else str(error).strip().splitlines()[0]

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import errno
 import json
+import math
 import os
 import signal
 import subprocess
@@ -20,13 +22,15 @@ from typing import Any
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
 from softmodels.materials import MaterialError
-from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, start
+from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, start
 from softmodels.progress import Progress
-from softmodels.results import Results, ResultsError
+from softmodels.results import Results, ResultsError, replace
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+MESH_END = b"$EndElements"
 
 
 class RunError(RuntimeError):
@@ -49,6 +53,9 @@ def run(
         quiet: Only errors are said.
         petsc: Words for PETSc's option database.
         draw: Make the pictures at the end.
+
+    Raises:
+        StartError: PETSc cannot take the words.
     """
     comm = start(petsc)
     abort_on_error(comm)
@@ -67,9 +74,13 @@ def run(
     except (MeshingError, CaseError, MaterialError, ResultsError) as error:
         status, message = FAILED if isinstance(error, MeshingError) else BAD_INPUT, str(error)
     except PETSc.Error as error:
-        status, message = FAILED, f"PETSc stopped with error {error.ierr}; rerun with -- -snes_monitor -ksp_error_if_not_converged"
+        # What PETSc refuses before anything is solved are the words it was given.
+        words = bool(petsc) and not on_root(comm, lambda: results.stored)
+        advice = "check the words after --" if words else "rerun with -- -snes_monitor -ksp_error_if_not_converged to see more"
+        status, message = BAD_INPUT if words else FAILED, f"PETSc stopped ({petsc_reason(error)}); {advice}"
     except OSError as error:
-        status, message = FAILED, f"the results cannot be written: {error.strerror or error}"
+        reason = error.strerror or error
+        status, message = FAILED, f"the results cannot be written ({reason}); make room for them and go on with --resume"
     except MemoryError:
         status, message = FAILED, "the machine's memory is full; use a larger --cell-size or --section axisymmetric"
     return on_root(comm, lambda: _close(case, results, status, message, quiet, draw))
@@ -94,29 +105,67 @@ def _interruptible() -> Iterator[list[int]]:
 
 
 def _prepare(case: Case, results: Results, resume: bool) -> bool:
-    """Make the folder and the mesh; on resume, check that the folder belongs to this case. Returns whether to go on."""
+    """Make the folder; on resume, check that it belongs to this case. Returns whether there are states to go on from."""
     folder, file = results.folder, results.folder / "case.toml"
     if resume and file.exists():
-        old = Case.from_file(file)
-        for field in ("actuator", "material", "control", "formulation", "water_density"):
-            if getattr(old, field) != getattr(case, field):
-                raise RunError(f"{folder} holds a run with another {field}; resume with its options, or without --resume", BAD_INPUT)
+        _check_same(case, Case.from_file(file), folder)
         if results.heavy.exists():
             results.load()
-            file.write_text(case.to_toml())
+            _check_values(case, results)
+            _write(file, case.to_toml())
             return bool(results.stored)
     try:
         results.clear()
-        file.write_text(case.to_toml())
+        _write(file, case.to_toml())
     except OSError as error:
-        raise RunError(f"the folder {folder} cannot be written ({error.strerror})", BAD_INPUT) from None
+        status = FAILED if error.errno in FULL else BAD_INPUT
+        raise RunError(f"the folder {folder} cannot be written ({error.strerror})", status) from None
     return False
+
+
+def _check_same(case: Case, old: Case, folder: Path) -> None:
+    """Refuse to go on from a run whose numbers would not be this case's."""
+    for field in ("name", "actuator", "material", "control", "formulation", "water_density"):
+        if getattr(old, field) != getattr(case, field):
+            raise RunError(f"{folder} holds a run with another {field}; resume with its options, or run without --resume", BAD_INPUT)
+    if bool(old.pressures_cm) != bool(case.pressures_cm):
+        had = "pressures" if old.pressures_cm else "volumes"
+        raise RunError(f"{folder} holds a run to requested {had}; resume with those, or run without --resume", BAD_INPUT)
+
+
+def _check_values(case: Case, results: Results) -> None:
+    """Refuse requested values that the stored states have passed without stopping there."""
+    key, unit = ("pressure_cm", "cm") if case.pressures_cm else ("added_volume_ml", "ml")
+    reached = max((row[key] for row in results.rows), default=0.0)
+    for value in case.pressures_cm or case.volumes_ml:
+        if 0.0 < value < reached * (1 - 1e-9) and not _stopped_at(results, key, value):
+            raise RunError(
+                f"{results.folder} holds a run that has passed {value:g} {unit} without stopping there; "
+                "resume with its values, or run without --resume",
+                BAD_INPUT,
+            )
+
+
+def _stopped_at(results: Results, key: str, value: float) -> bool:
+    return any(row["requested"] and math.isclose(row[key], value, rel_tol=1e-6) for row in results.rows)
+
+
+def _write(path: Path, text: str) -> None:
+    replace(path, lambda aside: aside.write_text(text))
+
+
+def _mesh(case: Case, path: Path) -> None:
+    """Write the mesh file. Gmsh does not tell of a full disk: its file then ends early."""
+    case.actuator.write(path)
+    if MESH_END not in path.read_bytes()[-2 * len(MESH_END) :]:
+        path.unlink()
+        raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?")
 
 
 def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped: list[int], resumed: bool) -> str:
     """Solve, and write every step; returns the closing sentence."""
     from softmodels.body import Body, BodyError
-    from softmodels.equilibrium import Equilibrium
+    from softmodels.equilibrium import Equilibrium, NoConvergence
     from softmodels.fields import Fields
     from softmodels.loading import PathEnd, trace
     from softmodels.loading import Path as LoadPath
@@ -124,7 +173,7 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
     mesh = results.folder / f"{case.name}.msh"
     if not (resumed and mesh.exists()):
         progress.say(f"meshing {type(case.actuator).__name__} ({case.actuator.section})")  # type: ignore[attr-defined]
-        on_root(comm, lambda: case.actuator.write(mesh))
+        on_root(comm, lambda: _mesh(case, mesh))
     progress.say("preparing the equations (compiled the first time, half a minute; then from the cache)")
     try:
         body = Body.from_file(case.actuator, mesh, comm)
@@ -143,6 +192,10 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
     path.report = lambda text: progress.say(f"  {text}")
     begin: list[Any] = []
     if resumed:
+        key = "pressure_cm" if case.pressures_cm else "added_volume_ml"
+        values = case.pressures_cm or case.volumes_ml
+        left = on_root(comm, lambda: [not _stopped_at(results, key, value) for value in values])
+        goals = [goal for goal, wanted in zip(goals, left, strict=True) if wanted]
         begin = _stored_points(results, fields, comm)
         progress.say(f"going on from step {on_root(comm, lambda: len(results.stored) - 1)}")
     else:
@@ -154,6 +207,11 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
                 raise RunError("stopped by the user; go on with --resume", STOPPED)
     except PathEnd as end:
         raise RunError(_explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED) from end
+    except NoConvergence as failure:  # at the first state or a limit point, where there is no step to shorten
+        raise RunError(
+            f"the path could not be followed ({failure}); leave out PETSc's options if there are any, refine the mesh "
+            "(--cell-size), or use another --control"
+        ) from failure
     return ""
 
 
@@ -167,9 +225,12 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
     }  # fmt: skip
 
     def write() -> None:
+        height = figures.pressure / case.cm
+        if point.requested and case.pressures_cm:  # as it was typed, without the rounding of two conversions
+            height = min(case.pressures_cm, key=lambda asked: abs(asked - height))
         row = {
             "step": len(results.stored),
-            "pressure_cm": figures.pressure / case.cm,
+            "pressure_cm": height,
             "pressure_Pa": figures.pressure,
             "added_volume_ml": figures.added_volume * 1e6,
             **{f"{name}_mm": rise * 1e3 for name, rise in figures.rises.items()},
@@ -236,12 +297,14 @@ def _close(case: Case, results: Results, status: int, message: str, quiet: bool,
         try:
             results.finish()
             text = {"status": status, "message": message, "steps": len(stored), "last": results.rows[-1]}
-            (results.folder / "summary.json").write_text(json.dumps(text, indent=2) + "\n")
+            _write(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
             if draw and status in (DONE, NO_EQUILIBRIUM):
                 _draw(results)
         except OSError as error:
             status = status or FAILED
-            message = message or f"the results cannot be gathered: {error.strerror or error}; the steps are in {results.folder}"
+            message = message or (
+                f"the steps could not be gathered in one file ({error.strerror or error}); make room and run again with --resume"
+            )
     if message:
         where = f". The {len(stored)} states up to there are in {results.folder}" if stored and status != BAD_INPUT else ""
         print(f"softmodels: {message}{where}", file=sys.stderr)
@@ -252,7 +315,8 @@ def _close(case: Case, results: Results, status: int, message: str, quiet: bool,
             f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
-        print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView, pictures (*.png)")
+        pictures = ", pictures (*.png)" if draw else ""
+        print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status
 
 

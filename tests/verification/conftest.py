@@ -1,0 +1,333 @@
+"""Bodies whose behaviour is known in closed form, and what solves them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+
+import numpy as np
+import pytest
+
+from geometries import Actuator, CutPlane, Hold
+from geometries.fields import choice_field, length_field, number_field
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Plain(Actuator):
+    """An actuator that is only what the mechanics asks for: no camera, no checks."""
+
+    @property
+    def mesh_order(self):
+        return 2
+
+    @property
+    def copies(self):
+        return 1
+
+    @property
+    def holds(self):
+        return ()
+
+    @property
+    def probes(self):
+        return {}
+
+    @property
+    def cavity_volume(self):
+        return math.nan
+
+    @property
+    def solid_volume(self):
+        return math.nan
+
+    def on_profile(self, points):
+        return np.zeros(len(points), dtype=bool)
+
+    def check(self):
+        pass
+
+
+def _group(dimension, tags, name):
+    import gmsh
+
+    # Compiled forms carry the cavity's tag: that of the default hollow disk lets all bodies share them.
+    gmsh.model.addPhysicalGroup(dimension, tags, 4 if name == "cavity" else -1, name)
+
+
+def _octant_planes():
+    return tuple(CutPlane(f"plane{i}", tuple(-1.0 if k == i else 0.0 for k in range(3))) for i in range(3))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Sphere(Plain):
+    """Upper half of a spherical shell as an axisymmetric quarter ring, ``through`` x ``along`` cells, each two triangles."""
+
+    inner: float = length_field(0.010, "inner radius")
+    outer: float = length_field(0.015, "outer radius")
+    through: float = number_field(2, "cells through the wall")
+    along: float = number_field(6, "cells from the equator to the pole")
+
+    dimension = 2
+
+    @property
+    def size(self):
+        return self.inner
+
+    @property
+    def cut_planes(self):
+        return (CutPlane("equator", (0.0, 0.0, -1.0)),)
+
+    @property
+    def holds(self):
+        return (Hold("axis", (1.0, 0.0, 0.0)),)
+
+    @property
+    def cavity_volume(self):
+        return 2 / 3 * math.pi * self.inner**3
+
+    def build(self):
+        import gmsh
+
+        geo, mesh = gmsh.model.geo, gmsh.model.geo.mesh
+        centre = geo.addPoint(0, 0, 0)
+        a, b = geo.addPoint(self.inner, 0, 0), geo.addPoint(self.outer, 0, 0)
+        c, d = geo.addPoint(0, self.outer, 0), geo.addPoint(0, self.inner, 0)
+        equator, outside = geo.addLine(a, b), geo.addCircleArc(b, centre, c)
+        axis, inside = geo.addLine(c, d), geo.addCircleArc(d, centre, a)
+        face = geo.addPlaneSurface([geo.addCurveLoop([equator, outside, axis, inside])])
+        for curves, cells in (((equator, axis), self.through), ((outside, inside), self.along)):
+            for curve in curves:
+                mesh.setTransfiniteCurve(curve, round(cells) + 1)
+        mesh.setTransfiniteSurface(face)
+        geo.synchronize()
+        _group(2, [face], "solid")
+        for curve, name in ((equator, "equator"), (axis, "axis"), (inside, "cavity"), (outside, "outer")):
+            _group(1, [curve], name)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Octant(Plain):
+    """One eighth of a spherical shell in three dimensions, tetrahedra."""
+
+    inner: float = length_field(0.010, "inner radius")
+    outer: float = length_field(0.015, "outer radius")
+    cell_size: float = length_field(0.004, "edge length")
+
+    dimension = 3
+    copies = 8
+
+    @property
+    def size(self):
+        return self.inner
+
+    @property
+    def cut_planes(self):
+        return _octant_planes()
+
+    @property
+    def cavity_volume(self):
+        return 4 / 3 * math.pi * self.inner**3
+
+    def build(self):
+        import gmsh
+
+        occ = gmsh.model.occ
+        half = math.pi / 2
+        whole = occ.addSphere(0, 0, 0, self.outer, angle1=0, angle2=half, angle3=half)
+        hole = occ.addSphere(0, 0, 0, self.inner, angle1=0, angle2=half, angle3=half)
+        solid, _ = occ.cut([(3, whole)], [(3, hole)])
+        occ.synchronize()
+        _group(3, [tag for _, tag in solid], "solid")
+        for _, face in gmsh.model.getEntities(2):
+            points = _corner_coordinates(face)
+            flat = [i for i in range(3) if np.abs(points[:, i]).max() < 1e-9]
+            radius = np.linalg.norm(points, axis=1)
+            name = f"plane{flat[0]}" if flat else "cavity" if radius.max() < 1.001 * self.inner else "outer"
+            _group(2, [face], name)
+        gmsh.model.mesh.setSizeCallback(lambda *args: self.cell_size)
+
+
+def _corner_coordinates(face):
+    import gmsh
+
+    corners = gmsh.model.getBoundary([(2, face)], recursive=True)
+    return np.array([gmsh.model.getValue(0, tag, []) for _, tag in corners])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Tube(Plain):
+    """A slice of an endless tube between two planes that hold it: axisymmetric, or a quarter in three dimensions."""
+
+    inner: float = length_field(0.010, "inner radius")
+    outer: float = length_field(0.015, "outer radius")
+    height: float = length_field(0.002, "height of the slice")
+    through: float = number_field(4, "cells through the wall")
+    section: str = choice_field("axisymmetric", ("axisymmetric", "quarter"), "half section, or a quarter in 3-D")
+
+    @property
+    def dimension(self):
+        return 3 if self.section == "quarter" else 2
+
+    @property
+    def size(self):
+        return self.inner
+
+    @property
+    def cut_planes(self):
+        return _octant_planes() if self.dimension == 3 else (CutPlane("plane2", (0.0, 0.0, -1.0)),)
+
+    @property
+    def holds(self):
+        return (Hold("top", (0.0, 0.0, 1.0)),)
+
+    @property
+    def cavity_volume(self):
+        return math.pi * self.inner**2 * self.height
+
+    def build(self):
+        import gmsh
+
+        occ, mesh = gmsh.model.occ, gmsh.model.mesh
+        if self.dimension == 2:
+            face = occ.addRectangle(self.inner, 0, 0, self.outer - self.inner, self.height)
+            occ.synchronize()
+            bottom, outside, top, inside = (tag for _, tag in gmsh.model.getBoundary([(2, face)], oriented=False))
+            for curve in (bottom, top):
+                mesh.setTransfiniteCurve(curve, round(self.through) + 1)
+            for curve in (inside, outside):
+                mesh.setTransfiniteCurve(curve, 2)
+            mesh.setTransfiniteSurface(face)
+            _group(2, [face], "solid")
+            for curve, name in ((bottom, "plane2"), (outside, "outer"), (top, "top"), (inside, "cavity")):
+                _group(1, [curve], name)
+            return
+        whole, hole = (occ.addCylinder(0, 0, 0, 0, 0, self.height, r, angle=math.pi / 2) for r in (self.outer, self.inner))
+        cut, _ = occ.cut([(3, whole)], [(3, hole)])
+        occ.synchronize()
+        _group(3, [tag for _, tag in cut], "solid")
+        for _, face in gmsh.model.getEntities(2):
+            points = _corner_coordinates(face)
+            flat = [f"plane{i}" for i in range(3) if np.abs(points[:, i]).max() < 1e-9]
+            flat += ["top"] if np.abs(points[:, 2] - self.height).max() < 1e-9 else []
+            radius = np.linalg.norm(points[:, :2], axis=1)
+            _group(2, [face], flat[0] if flat else "cavity" if radius.max() < 1.001 * self.inner else "outer")
+        size = (self.outer - self.inner) / self.through
+        mesh.setSizeCallback(lambda *args: size)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Block(Plain):
+    """A cube of edge ``edge`` on three planes through its corner, or a cylinder as high as its radius.
+
+    The pressure acts on the faces away from the planes, so the "cavity" is the world outside and its volume minus the
+    block's own.
+    """
+
+    edge: float = length_field(0.010, "edge length")
+    section: str = choice_field("cube", ("cube", "axisymmetric"), "cube or cylinder")
+    cells: float = number_field(2, "cells per edge")
+
+    @property
+    def dimension(self):
+        return 3 if self.section == "cube" else 2
+
+    @property
+    def size(self):
+        return self.edge
+
+    @property
+    def cut_planes(self):
+        return _octant_planes() if self.dimension == 3 else (CutPlane("plane2", (0.0, 0.0, -1.0)),)
+
+    @property
+    def holds(self):
+        return () if self.dimension == 3 else (Hold("plane0", (1.0, 0.0, 0.0)),)
+
+    def build(self):
+        import gmsh
+
+        occ = gmsh.model.occ
+        if self.dimension == 3:
+            occ.addBox(0, 0, 0, self.edge, self.edge, self.edge)
+        else:
+            occ.addRectangle(0, 0, 0, self.edge, self.edge)
+        occ.synchronize()
+        top = self.dimension
+        _group(top, [1], "solid")
+        # A cylinder's height is the mesh's second direction and the device's third.
+        names = {0: "plane0", 1: "plane1" if top == 3 else "plane2", 2: "plane2"}
+        faces = {}
+        for _, face in gmsh.model.getEntities(top - 1):
+            box = np.array(gmsh.model.getBoundingBox(top - 1, face)).reshape(2, 3)
+            flat = [names[i] for i in range(top) if np.abs(box[:, i]).max() < 1e-6]
+            faces.setdefault(flat[0] if flat else "cavity", []).append(face)
+        for name, tags in faces.items():
+            _group(top - 1, tags, name)
+        gmsh.model.mesh.setSizeCallback(lambda *args: self.edge / self.cells)
+
+
+@pytest.fixture(scope="session")
+def bodies():
+    """The test bodies by name: modules of tests cannot import each other."""
+    return types.SimpleNamespace(Sphere=Sphere, Octant=Octant, Tube=Tube, Block=Block)
+
+
+@pytest.fixture(scope="session")
+def body_of(comm, tmp_path_factory):
+    """Return a function that meshes an actuator and reads it, once for all tests."""
+    from softmodels.body import Body
+
+    folder = tmp_path_factory.mktemp("bodies")
+    known = {}
+
+    def body(actuator, kind=Body):
+        key = (kind, type(actuator), actuator.key)
+        if key not in known:
+            known[key] = kind.from_file(actuator, actuator.write(folder / f"{actuator.name}.msh"), comm)
+        return known[key]
+
+    return body
+
+
+@pytest.fixture(scope="session")
+def equilibrium(body_of):
+    """Return a function that gives the equations of a device, once per device, law and formulation.
+
+    A state of the equations belongs to the test that asks: every use begins with a solve or with values of its own.
+    """
+    from softmodels.body import Body
+    from softmodels.equilibrium import Equilibrium
+
+    known = {}
+
+    def make(actuator, material, formulation="mixed", kind=Body):
+        key = (kind, type(actuator), actuator.key, type(material), formulation)
+        terms = len(getattr(material, "mu", ()))
+        if (key, terms) not in known:
+            known[key, terms] = Equilibrium(body_of(actuator, kind), material, formulation)
+        equations = known[key, terms]
+        equations.set_material(material)
+        return equations
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def solved(equilibrium):
+    """Return a function that follows a device through requested values and gives its path and all its points.
+
+    The points end where the path does; `PathEnd` is the third value then, else None.
+    """
+    from softmodels.loading import Path, PathEnd, trace
+
+    def solve(equations, goals, control="auto", quantity="pressure", **options):
+        path = Path(equations, control, quantity, **options)
+        points, end = [], None
+        try:
+            points.extend(trace(path, goals))
+        except PathEnd as met:
+            end = met
+        return path, points, end
+
+    return solve

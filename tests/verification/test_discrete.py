@@ -1,0 +1,255 @@
+"""The discrete equations themselves, at random deformations: load, tangent, derivatives, homogeneous states."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.materials import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.strain import HomogeneousStrain
+
+LAWS = {
+    "neo-hookean": NeoHookean(100e3, 0.45),
+    "mooney-rivlin": MooneyRivlin(35e3, 15e3, 0.45),
+    "yeoh": Yeoh(50e3, 1e3, 50.0, 0.45),
+    "ogden": Ogden((0.63e6, 1.2e3, -10e3), (1.3, 5.0, -2.0), 0.45),
+    "gent": Gent(100e3, 30.0, 0.45),
+}
+SECTIONS = ("solid", "axisymmetric")
+
+laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+sections = pytest.mark.parametrize("section", SECTIONS)
+
+
+@pytest.fixture
+def shell(bodies):
+    """A coarse spherical shell as an octant or as a half section."""
+    return {"solid": bodies.Octant(cell_size=0.006), "axisymmetric": bodies.Sphere(through=2, along=6)}
+
+
+def shaken(equations, P=0.3, seed=7):
+    """Put the equations into a random state that respects the supports; returns a random direction of the same kind."""
+    generator = np.random.default_rng(seed)
+    mesh = equations.body.mesh
+    size = 0.02 * mesh.h(mesh.topology.dim, equations.cells).min()  # strains of some 0.2, no cell inside out
+    free = np.ones(len(equations.w.x.array))
+    for bc in equations.bcs:
+        free[bc.dof_indices()[0]] = 0.0
+    equations.w.x.array[:] = size * generator.standard_normal(len(free)) * free
+    equations.P.value = P
+    assert equations.smallest_J() > 0.2
+    return size * generator.standard_normal(len(free)) * free
+
+
+def force(equations):
+    """Residual of the current state: inner forces less the cavity pressure's."""
+    inner = equations._assemble(equations._inner).copy()
+    return inner - float(equations.P.value) * equations._assemble(equations._load)
+
+
+def own_assembly(equations, form):
+    """A linear form on the equations' space, zero at held dofs."""
+    from dolfinx import fem
+
+    return equations._assemble(fem.form(form)).copy()
+
+
+def traction(equations):
+    """The form of the load of a unit pressure: - int cof(F) N . v dS."""
+    import ufl
+
+    body, test = equations.body, ufl.TestFunction(equations.space)
+    v = body.displacement(ufl.split(test)[0] if equations.mixed else test)
+    N = ufl.FacetNormal(body.mesh)
+    if body.axisymmetric:
+        v, N = ufl.as_vector([v[0], 0, v[1]]), ufl.as_vector([N[0], 0, N[1]])
+    F = body.deformation_gradient(ufl.split(equations.w)[0] if equations.mixed else equations.w)
+    return -ufl.dot(ufl.dot(ufl.cofac(F), N), v) * body.hoop * body.measures()[1]
+
+
+DEVICES = {
+    "octant": lambda bodies: bodies.Octant(cell_size=0.006),
+    "half section": lambda bodies: bodies.Sphere(through=2, along=6),
+    "wedge 45": lambda bodies: HollowDisk(cell_size=0.006, fillet=0.0),
+    "wedge 30": lambda bodies: HollowDisk(cell_size=0.006, fillet=0.0, angle=30.0, azimuth=20.0),
+    "disk section": lambda bodies: HollowDisk(section="axisymmetric", cell_size=0.006),
+}
+
+
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES.keys())
+def test_load_is_the_pressure_on_the_deformed_wall(device, bodies, equilibrium):
+    """dV[v] of the volume's closed surface integral is the integral of v . n over the wall alone, whatever the state."""
+    equations = equilibrium(device(bodies), LAWS["neo-hookean"])
+    shaken(equations)
+    load = equations._assemble(equations._load).copy()
+    assert load == pytest.approx(own_assembly(equations, traction(equations)), abs=1e-13 * np.abs(load).max())
+    assert np.abs(load).max() > 1e-3
+
+
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES.keys())
+def test_volume_of_the_undeformed_cavity(device, bodies, equilibrium):
+    equations = equilibrium(device(bodies), LAWS["neo-hookean"])
+    actuator = equations.body.actuator
+    rest = equations.rest().V * equations.volume_unit
+    assert rest == pytest.approx(actuator.cavity_volume, rel=3e-3 if equations.body.actuator.dimension == 3 else 1e-4)
+
+
+@laws
+@sections
+def test_tangent_is_symmetric_and_the_product_is_the_matrix(law, section, shell, equilibrium):
+    from scipy.sparse import csr_matrix
+
+    equations = equilibrium(shell[section], law)
+    direction = shaken(equations)[: equations.n]
+    equations._assemble_tangent()
+    rows, columns, values = equations.K.getValuesCSR()
+    K = csr_matrix((values, columns, rows))
+    assert abs(K - K.T).max() < 1e-12 * abs(K).max()
+    product = np.empty(equations.n)
+    equations._multiply(direction, product)
+    assert product == pytest.approx(K @ direction, abs=1e-12 * np.abs(product).max())
+
+
+@laws
+@sections
+def test_derivatives_follow_the_potential(law, section, shell, equilibrium):
+    """Taylor: Pi(w + e d) less its first two terms falls as e^2, less three as e^3."""
+    equations = equilibrium(shell[section], law)
+    direction = shaken(equations)
+
+    def potential():
+        return equations.stored_energy() - float(equations.P.value) * equations.volume()
+
+    w, Pi = equations.w.x.array.copy(), potential()
+    product = np.empty(equations.n)
+    equations._multiply(direction[: equations.n], product)
+    first, second = force(equations) @ direction[: equations.n], product @ direction[: equations.n]
+    steps, left, left2 = 0.5 ** np.arange(3, 7), [], []
+    for step in steps:
+        equations.w.x.array[:] = w + step * direction
+        left.append(potential() - Pi - step * first)
+        left2.append(left[-1] - step**2 / 2 * second)
+    assert np.log2(np.abs(left[:-1]) / np.abs(left[1:]))[-1] == pytest.approx(2.0, abs=0.1)
+    assert np.log2(np.abs(left2[:-1]) / np.abs(left2[1:]))[-1] == pytest.approx(3.0, abs=0.2)
+
+
+@pytest.mark.parametrize("formulation", ["mixed", "displacement"])
+def test_residual_of_the_tangent_falls_as_the_square(formulation, shell, equilibrium):
+    equations = equilibrium(shell["axisymmetric"], LAWS["neo-hookean"], formulation)
+    direction = shaken(equations)
+    w, start, product = equations.w.x.array.copy(), force(equations), np.empty(equations.n)
+    equations._multiply(direction[: equations.n], product)
+    left = []
+    for step in 0.5 ** np.arange(2, 6):
+        equations.w.x.array[:] = w + step * direction
+        left.append(np.linalg.norm(force(equations) - start - step * product))
+    assert np.log2(np.array(left[:-1]) / left[1:])[-1] == pytest.approx(2.0, abs=0.1)
+
+
+# -- homogeneous states -------------------------------------------------------------------------------------------------
+
+
+def nominal(law, F):
+    """First Piola-Kirchhoff stress of a homogeneous F over the shear modulus, by principal stretches and complex steps."""
+    left, stretches, right = np.linalg.svd(F)
+    h, slopes = 1e-30, []
+    for i in range(3):
+        moved = [stretch + (1j * h if k == i else 0.0) for k, stretch in enumerate(stretches)]
+        slopes.append(np.imag(law.energy(HomogeneousStrain(tuple(moved)))) / h)
+    return left @ np.diag(slopes) @ right / law.shear_modulus_0
+
+
+def imposed(equations, F):
+    """Put the equations into the homogeneous state F, with the pressure-like unknown that belongs to it."""
+    body, d = equations.body, equations.body.actuator.dimension
+    G = (F - np.eye(3)) if d == 3 else (F - np.eye(3))[np.ix_([0, 2], [0, 2])]
+    displacement, pressure = equations.w.sub(0), equations.w.sub(1)
+    displacement.interpolate(lambda X: body.skew @ G @ X[:d])
+    pressure.interpolate(lambda X: np.full(X.shape[1], equations.material.bulk / equations.stress_unit * (np.linalg.det(F) - 1)))
+
+
+def linear_field(equations, A):
+    """Dof values of the virtual displacement v = A X, nothing in the pressure's part."""
+    from dolfinx import fem
+
+    field, d = fem.Function(equations.space), equations.body.actuator.dimension
+    field.sub(0).interpolate(lambda X: equations.body.skew @ A @ X[:d])
+    return field.x.array
+
+
+GRADIENT = np.array([[1.3, 0.2, -0.1], [0.05, 0.9, 0.3], [-0.2, 0.1, 1.1]])
+
+
+def exactness(law):
+    """Ogden's stretches carry the smoothing of `softmodels.strain.eigenvalues`, 1e-8 of the strain's own size."""
+    return 3e-8 if isinstance(law, Ogden) else 1e-10
+
+
+@laws
+def test_patch_of_tetrahedra_has_the_laws_stress(law, bodies, equilibrium):
+    """Any homogeneous F: no force inside, and forces on the faces that are exactly the law's stress."""
+    from dolfinx import fem
+
+    equations = equilibrium(bodies.Block(cells=2), law)
+    imposed(equations, GRADIENT)
+    forces = fem.assemble_vector(equations._inner).array
+    coordinates = equations.space.sub(0).collapse()[0].tabulate_dof_coordinates()
+    inside = ((coordinates > 1e-9) & (coordinates < 1 - 1e-9)).all(axis=1)
+    assert inside.sum() > 5
+    dofs = np.array(equations.space.sub(0).collapse()[1]).reshape(-1, 3)
+    near = exactness(law)
+    assert np.abs(forces[dofs[inside]]).max() < near
+    assert np.abs(forces[np.setdiff1d(np.arange(len(forces)), dofs)]).max() < near
+    found = np.empty((3, 3))
+    for i, j in np.ndindex(3, 3):
+        unit = np.zeros((3, 3))
+        unit[i, j] = 1.0
+        found[i, j] = forces @ linear_field(equations, unit)
+    assert found == pytest.approx(nominal(law, GRADIENT), abs=near)
+
+
+@laws
+def test_patch_of_triangles_has_the_laws_stress(law, bodies, equilibrium):
+    """A cylinder stretched along and across its axis; the work of r e_r is that of both stresses across."""
+    from dolfinx import fem
+
+    equations = equilibrium(bodies.Block(section="axisymmetric", cells=3), law)
+    F = np.diag([1.3, 1.3, 0.8])
+    imposed(equations, F)
+    forces = fem.assemble_vector(equations._inner).array
+    P, near = nominal(law, F), exactness(law)
+    assert forces @ linear_field(equations, np.diag([1.0, 0.0])) == pytest.approx(np.pi * (P[0, 0] + P[1, 1]), abs=near)
+    assert forces @ linear_field(equations, np.diag([0.0, 1.0])) == pytest.approx(np.pi * P[2, 2], abs=near)
+    space, dofs = equations.space.sub(0).collapse()
+    coordinates = space.tabulate_dof_coordinates()[:, :2]
+    inside = (coordinates[:, 1] > 1e-9) & (coordinates < 1 - 1e-9).all(axis=1)  # the axis is inside the cylinder
+    assert np.abs(forces[np.array(dofs).reshape(-1, 2)[inside]]).max() < near
+
+
+@laws
+@pytest.mark.parametrize("section", ["cube", "axisymmetric"])
+def test_block_under_pressure_from_all_sides(law, section, bodies, equilibrium):
+    """A real solve whose answer is homogeneous: J is the root of dW/dJ = -P everywhere."""
+    from scipy.optimize import brentq
+
+    from softmodels.controls import pressure_control
+
+    law = dataclasses.replace(law, poisson=0.3)
+    equations = equilibrium(bodies.Block(section=section, cells=2), law)
+    state = equations.rest()
+    equations.factorise(state)
+    for P in (0.25, 0.5):
+        state = equations.solve(pressure_control(P), state.w, P)
+
+    def out_of_balance(stretch):
+        return np.diag(nominal(law, stretch * np.eye(3))).mean() / stretch**2 + P
+
+    stretch = brentq(out_of_balance, 0.3, 1.0, xtol=1e-15)
+    volume = -(stretch**3) * (1.0 if section == "cube" else np.pi)
+    assert state.V == pytest.approx(volume, rel=1e-8 if isinstance(law, Ogden) else 1e-10)
+    equations.load(state)
+    J = equations._J.eval(equations.body.mesh, equations.cells)
+    assert J == pytest.approx(stretch**3, rel=1e-8 if isinstance(law, Ogden) else 1e-9)

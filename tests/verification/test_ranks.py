@@ -1,0 +1,50 @@
+"""Two and three processes find what one does."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = Path(__file__).with_name("figures.py")
+
+
+@pytest.fixture(scope="module")
+def program():
+    spec = importlib.util.spec_from_file_location("figures", PROGRAM)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def meshes(program, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ranks")
+    return [disk.write(folder / f"{disk.name}.msh") for disk in (program.WEDGE, program.SECTION)]
+
+
+@pytest.fixture(scope="module")
+def serial(program, meshes, comm):
+    return program.figures(comm, *meshes)
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_figures_do_not_depend_on_the_ranks(ranks, meshes, serial):
+    beside = Path(sys.executable).with_name("mpirun")
+    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("no mpirun beside this Python or on the path")
+    command = [mpirun, "-n", str(ranks), sys.executable, str(PROGRAM), *map(str, meshes)]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROGRAM.parents[2])}
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, check=False)
+    assert run.returncode == 0, run.stderr
+    found = json.loads(run.stdout.strip().splitlines()[-1])
+    assert set(found) == set(serial) and "limit" in found
+    for state, values in serial.items():
+        assert found[state] == pytest.approx(values, rel=1e-8), state
