@@ -48,7 +48,9 @@ class HollowDisk(Actuator):
     wall: float = length_field(0.010, "thickness of the solid around the cavity")
     cavity_height: float = length_field(0.004, "height of the cavity")
     fillet: float = length_field(0.001, "radius of the rounding at the membrane's root; 0 for none", zero=True)
-    base_fillet: float = length_field(0.001, "radius of the rounding at the edge of the cavity's floor; 0 for none", zero=True)
+    base_fillet: float = length_field(
+        0.001, "radius of the rounding at the edge of the cavity's floor; 0 for none", zero=True
+    )
     cell_size: float = length_field(0.003, "edge length of the cells far from the membrane's root")
     refinement: float = number_field(2.0, "how many times smaller the cells at the membrane's root are")
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")

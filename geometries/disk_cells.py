@@ -94,4 +94,3 @@ def expected_cells(disk: HollowDisk) -> float:
         for _, cell, core in roots(disk)
     )
     return share * (bulk + ring) / TETRAHEDRON
-

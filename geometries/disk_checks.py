@@ -38,7 +38,9 @@ def _check_shape(disk: HollowDisk) -> None:
         for name in ("cavity_height", "cavity_radius"):
             radius, limit = getattr(disk, fillet), getattr(disk, name)
             if radius >= limit:
-                raise GeometryError(f"{fillet} is {shown(radius, 'm')}; it must be smaller than {name}, {shown(limit, 'm')}")
+                raise GeometryError(
+                    f"{fillet} is {shown(radius, 'm')}; it must be smaller than {name}, {shown(limit, 'm')}"
+                )
     if disk.fillet + disk.base_fillet >= disk.cavity_height:
         raise GeometryError(
             f"fillet is {shown(disk.fillet, 'm')}; with base_fillet {shown(disk.base_fillet, 'm')} it leaves nothing of "

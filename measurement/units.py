@@ -38,7 +38,9 @@ def quantity(text: str | float, unit: str) -> float:
         UnitError: No number, no unit where one is needed, a unit of another kind, or a value that is not finite.
     """
     shown = str(text).strip()
-    example = {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml"}.get(unit, f"1 {unit}")
+    example = {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml"}.get(
+        unit, f"1 {unit}"
+    )
     try:
         parsed = _registry().Quantity(shown)
         value = float(parsed.to(unit or "dimensionless").magnitude)
@@ -51,7 +53,9 @@ def quantity(text: str | float, unit: str) -> float:
     except pint.UndefinedUnitError as error:
         raise UnitError(f"{shown!r} has an unknown unit ({error}); write it like {example}") from None
     except Exception:
-        raise UnitError(f"{shown!r} is not a number{' with a unit; write it like ' + example if unit else ''}") from None
+        raise UnitError(
+            f"{shown!r} is not a number{' with a unit; write it like ' + example if unit else ''}"
+        ) from None
     if not math.isfinite(value):
         raise UnitError(f"{shown!r} is not a finite number")
     return value

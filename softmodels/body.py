@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
+from geometries.actuator import Vector
 from geometries.meshing import private_model
 from softmodels.parallel import is_root, on_root
 
@@ -168,7 +169,7 @@ class Body:
 
     def _held_components(self) -> list[tuple[str, list[int]]]:
         d = self.actuator.dimension
-        wanted = [(plane.name, plane.normal) for plane in self.actuator.cut_planes]
+        wanted: list[tuple[str, Vector | None]] = [(plane.name, plane.normal) for plane in self.actuator.cut_planes]
         wanted += [(hold.role, hold.direction) for hold in self.actuator.holds]
         result = []
         for role, direction in wanted:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 from collections.abc import Callable
@@ -98,9 +99,7 @@ def execute(
     """Build a case, run it and exit with its status."""
     try:
         ready = case()
-        for word in petsc[:1]:
-            if not word.startswith("-"):
-                raise CaseError(f"unexpected argument {word!r}; options start with --, and PETSc's follow after a lone --")
+        _check_words(petsc)
     except (CaseError, GeometryError, MaterialError) as error:
         fail(str(error))
     from softmodels.running import run
@@ -112,6 +111,16 @@ def execute(
     except ImportError as error:
         fail(f"{error}; the simulation needs FEniCSx (softmodels doctor tells what is missing)", 1)
     sys.exit(status)
+
+
+def _check_words(petsc: tuple[str, ...]) -> None:
+    """Refuse arguments that PETSc would not refuse itself, or only with a page of its own."""
+    for word in petsc[:1]:
+        if not word.startswith("-"):
+            raise CaseError(f"unexpected argument {word!r}; options start with --, and PETSc's follow after a lone --")
+    for word, file in itertools.pairwise(petsc):
+        if word == "-options_file" and not Path(file).is_file():
+            raise CaseError(f"-options_file {file!r} is not a file")
 
 
 def fail(message: str, status: int = 2) -> None:

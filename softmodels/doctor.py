@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 PACKAGES = {
     "gmsh": "gmsh",
     "numpy": "numpy",
@@ -83,7 +85,7 @@ def _petsc() -> str:
     pc.setType("cholesky")
     pc.setFactorSolverType("mumps")
     pc.setUp()  # raises where PETSc was built without MUMPS
-    return f"{'.'.join(map(str, PETSc.Sys.getVersion()))}, {PETSc.ScalarType.__name__}, with MUMPS"
+    return f"{'.'.join(map(str, PETSc.Sys.getVersion()))}, {np.dtype(PETSc.ScalarType)}, with MUMPS"
 
 
 def _mpi() -> str:
@@ -104,7 +106,9 @@ def _compiler() -> str:
     try:
         return _program("a C compiler", *names)
     except RuntimeError:
-        raise RuntimeError("no C compiler; the equations are compiled at run time (Debian: apt-get install gcc)") from None
+        raise RuntimeError(
+            "no C compiler; the equations are compiled at run time (Debian: apt-get install gcc)"
+        ) from None
 
 
 def _cache() -> str:

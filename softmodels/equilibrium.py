@@ -101,7 +101,7 @@ class Equilibrium:
         self.space = fem.functionspace(mesh, element)
         self.w = fem.Function(self.space)
         test, trial = ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
-        y, p = ufl.split(self.w) if self.mixed else (self.w, None)
+        y, p = ufl.split(self.w) if self.mixed else (self.w, 0.0)
 
         self.P = fem.Constant(mesh, 0.0)
         self.parameters = _constants(mesh, material)
@@ -137,6 +137,7 @@ class Equilibrium:
         self._vector = fem.Function(self.space)
         self.points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE)
         self._J = fem.Expression(strain.J, self.points, jit_options=jit)
+        self.snes: Any = None
         self.cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
         self.n = self.system.n
         self._make_solver()
@@ -249,6 +250,7 @@ class Equilibrium:
         from petsc4py import PETSc
 
         self.age, self._adrift = 0, False
+        self._first = self._before = math.inf
         self._x, self._f, self._y = self.system.vector(), self.system.vector(), self.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(self.comm)
         snes.setType("newtonls")
@@ -258,7 +260,7 @@ class Equilibrium:
         snes.setLineSearchPreCheck(self._guard)
         snes.setConvergenceTest(self._converged)
         snes.setMaxLinearSolveFailures(3)
-        ksp = snes.getKSP()
+        ksp: Any = snes.getKSP()
         ksp.setType("gmres")
         ksp.setGMRESRestart(60)
         ksp.setPCSide(PETSc.PC.Side.RIGHT)
@@ -287,23 +289,24 @@ class Equilibrium:
     def _converged(self, snes: Any, iteration: int, norms: tuple[float, float, float]) -> Any:
         from petsc4py import PETSc
 
-        _, update, residual = norms
+        reasons: Any = PETSc.SNES.ConvergedReason
+        _, _, residual = norms
         if not math.isfinite(residual):
-            return PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
+            return reasons.DIVERGED_FNORM_NAN
         if iteration == 0:
             self._first = residual
         tolerance = TOLERANCE * max(abs(float(self.P.value)), FLOOR) * self.system.q.norm()
         if residual <= tolerance:
-            return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
+            return reasons.CONVERGED_FNORM_ABS
         if iteration >= MOST_ITERATIONS:
-            return PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
+            return reasons.DIVERGED_MAX_IT
         if iteration >= 3 and residual > 1e3 * self._first:
-            return PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+            return reasons.DIVERGED_DTOL
         # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
         forcing = LOOSEST if iteration == 0 else min(LOOSEST, (residual / self._before) ** 2)
         snes.getKSP().setTolerances(rtol=min(max(forcing, 0.3 * tolerance / residual), LOOSEST))
         self._before = residual
-        return PETSc.SNES.ConvergedReason.ITERATING
+        return reasons.ITERATING
 
     def solve(self, control: Control, w: npt.NDArray[np.float64], P: float) -> State:
         """Find the state on the control's line, starting from the guess (w, P).

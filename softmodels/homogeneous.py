@@ -83,10 +83,11 @@ def uniaxial_compressible(material: Material, stretch: Any) -> tuple[Array, Arra
 
         guess = x**-material.poisson
         low = high = guess
-        while stress(low) > 0.0:  # nan ends the search too, and brentq then says so
+        while stress(low) > 0.0:
             low *= 0.99
         while stress(high) < 0.0:
             high *= 1.01
+        # Equal where the guess is the answer, and where the law has no stress (nan) at all.
         return guess if low == high else float(brentq(stress, low, high, xtol=1e-15, rtol=1e-15))
 
     sides = np.vectorize(lateral, otypes=[float])(stretch)
@@ -120,7 +121,8 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
 
     def rise(stretch: Any, h: float = 1e-3) -> Any:
         near, far = (
-            balloon_pressure(material, stretch + d, 1.0) - balloon_pressure(material, stretch - d, 1.0) for d in (h, 2 * h)
+            balloon_pressure(material, stretch + d, 1.0) - balloon_pressure(material, stretch - d, 1.0)
+            for d in (h, 2 * h)
         )
         return (8 * near - far) / material.shear_modulus_0  # an error of h^4, far below what the root is wanted to
 
@@ -166,6 +168,8 @@ def _wall_pressure(material: Material, inner: float, outer: float, inner_stretch
             stretch = (1 + (at_inner**power - 1) * (inner / radius) ** power) ** (1 / power)
             return float(energy_slope(material, stretch, mode)) / (stretch ** (power - 1) * radius)
 
-        return float(quad(integrand, inner, outer, epsabs=0.0 if at_inner != 1.0 else 1.0, epsrel=1e-11)[0])
+        if not np.isfinite(integrand(inner)):
+            return np.nan  # the inner wall is strained most: nothing beyond its limit can be integrated
+        return float(quad(integrand, inner, outer, epsabs=1e-12 * material.shear_modulus_0, epsrel=1e-11)[0])
 
     return np.vectorize(pressure, otypes=[float])(np.asarray(inner_stretch, dtype=float))

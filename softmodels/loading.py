@@ -175,10 +175,12 @@ class Path:
             line = self.target(goal) if hit else self.ahead(share)
             try:
                 state = self.solve(line, self.points)
-                if hit:
-                    state = dataclasses.replace(state, **({"P": goal} if self.quantity == "pressure" else {}))
+                if hit and self.quantity == "pressure":
+                    state = dataclasses.replace(state, P=goal)  # to the last digit
                 change = GROWTH if state.iterations <= QUICK else 1.0 if state.iterations < SLOW else 0.6
-                return self.point(state, requested=hit, step=max(step, share) * change if change > 1 else share * change)
+                return self.point(
+                    state, requested=hit, step=max(step, share) * change if change > 1 else share * change
+                )
             except NoConvergence as failure:
                 self.report(f"step of {share:.3g} failed ({failure}); halved")
                 step = share / 2
@@ -211,7 +213,11 @@ class Path:
             return
         self.report(f"following the {line} from here")
         t = self.last.tangent
-        per = {"pressure": lambda: t.P, "volume": lambda: t.V, "arc-length": lambda: math.hypot(t.V / self.V0, t.P / self.P_scale)}
+        per = {
+            "pressure": lambda: t.P,
+            "volume": lambda: t.V,
+            "arc-length": lambda: math.hypot(t.V / self.V0, t.P / self.P_scale),
+        }
         step = abs(self.last.step * per[line]() / per[self.line]())
         if line == "volume":
             step = min(step, 0.2 * self.last.state.V)
@@ -273,9 +279,11 @@ def predict(points: Sequence[Point], line: Control) -> tuple[Any, float]:
         P.append(s.P)
         dw.append(t.w / rate)
         dP.append(t.P / rate)
-    rates_agree = len(points) == 2 and line.value(points[0].tangent.V, points[0].tangent.P) * line.value(
-        points[1].tangent.V, points[1].tangent.P
-    ) > 0
+    rates_agree = (
+        len(points) == 2
+        and line.value(points[0].tangent.V, points[0].tangent.P) * line.value(points[1].tangent.V, points[1].tangent.P)
+        > 0
+    )
     h = d[-1] - d[0]
     if not rates_agree or h == 0.0 or abs(line.target - d[-1]) > 3 * abs(h):
         ahead = line.target - d[-1]

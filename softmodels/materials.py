@@ -174,14 +174,18 @@ class Ogden(Material):
 
     def check(self) -> None:
         if len(self.mu) != len(self.alpha) or not self.mu:
-            raise MaterialError(f"ogden: {len(self.mu)} values of mu and {len(self.alpha)} of alpha; they come in pairs")
+            raise MaterialError(
+                f"ogden: {len(self.mu)} values of mu and {len(self.alpha)} of alpha; they come in pairs"
+            )
         if 0.0 in self.alpha:
             raise MaterialError("ogden: an exponent alpha is zero")
 
     @staticmethod
     def shape(strain: StrainMeasures, m: Any) -> Any:
         a, b, c = strain.stretches_bar
-        return sum(m.mu[i] / m.alpha[i] * (a ** m.alpha[i] + b ** m.alpha[i] + c ** m.alpha[i] - 3) for i in _terms(m.mu))
+        return sum(
+            m.mu[i] / m.alpha[i] * (a ** m.alpha[i] + b ** m.alpha[i] + c ** m.alpha[i] - 3) for i in _terms(m.mu)
+        )
 
     @property
     def shear_modulus_0(self) -> float:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
-
-T = TypeVar("T")
+from typing import Any
 
 
 class StartError(RuntimeError):
@@ -25,10 +24,9 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
     """
     # More BLAS threads than cores slow MUMPS several times over; a user's own setting stands.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    try:
-        import dolfinx_solver  # noqa: F401  the wheel from PyPI orders MPI ahead of everything compiled
-    except ImportError:
-        pass  # conda, Debian or a container: the upstream modules stand alone
+    # The wheel from PyPI orders MPI ahead of everything compiled; with conda or in a container there is no such module.
+    with contextlib.suppress(ImportError):
+        import dolfinx_solver  # noqa: F401
     import petsc4py
 
     try:
@@ -59,7 +57,7 @@ def scalar_from_owner(comm: Any, value: float) -> float:
     return float(comm.bcast(value, root=comm.size - 1))
 
 
-def on_root(comm: Any, task: Callable[[], T]) -> T:
+def on_root[T](comm: Any, task: Callable[[], T]) -> T:
     """Run ``task`` on rank 0 and return its result on all; if it raises, every rank raises the same exception."""
     outcome: tuple[bool, Any] = (True, None)
     if is_root(comm):

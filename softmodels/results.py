@@ -79,7 +79,6 @@ class Results:
     def begin(self, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], cell_name: str) -> None:
         """Store the grid: points (n, 3) in m, cells (c, k) of an XDMF cell type."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.steps.mkdir(exist_ok=True)
 
         def fill(file: Any) -> None:
             file["mesh/points"], file["mesh/cells"] = points, cells
@@ -111,11 +110,11 @@ class Results:
         except (OSError, KeyError, ValueError) as error:
             raise ResultsError(f"the results in {self.folder} cannot be read ({error})") from error
         self.stored = [found[step] for step in sorted(found)]
-        self.steps.mkdir(exist_ok=True)
 
     def add(self, row: Mapping[str, Any], fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
         number = len(self.stored)
+        self.steps.mkdir(exist_ok=True)
 
         def fill(file: Any) -> None:
             for name, values in fields.items():

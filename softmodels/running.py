@@ -19,6 +19,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
 from softmodels.materials import MaterialError
@@ -253,6 +255,7 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
 
 def _stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     """The points a trace goes on from: the first limit point, the last one factorised at, and the last two."""
+    from softmodels.equilibrium import Tangent
     from softmodels.loading import Point
 
     records = on_root(comm, lambda: [stored.restart for stored in results.stored])
@@ -264,7 +267,7 @@ def _stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
         record = dict(records[i])
         nodal = results.fields(i, ("displacement", "p")) if is_root(comm) else None
         state = dataclasses.replace(fields.state(nodal, record.pop("P"), record.pop("V")), iterations=record.pop("iterations"))
-        points.append(Point(state, None, **record))
+        points.append(Point(state, Tangent(np.zeros_like(state.w), 0.0, 0.0), **record))
     return points
 
 
@@ -325,6 +328,8 @@ def _draw(results: Results) -> None:
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
     command = [sys.executable, "-m", "softmodels.pictures", str(results.folder), "--name", results.name]
     done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
-    if done.returncode:
+    if done.returncode == 0:
+        print(done.stderr, end="", file=sys.stderr)  # such as that this machine cannot render
+    else:
         reason = (done.stderr or done.stdout).strip().splitlines() or [f"exit status {done.returncode}"]
         print(f"softmodels: the pictures could not be drawn ({reason[-1]}); the results are complete", file=sys.stderr)

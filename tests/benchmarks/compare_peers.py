@@ -35,7 +35,7 @@ RUNS: dict[str, tuple[str, list[str]]] = {
 def once(name: str, mesh: Path, limit: float) -> dict[str, Any] | None:
     """One run's report; None where it failed or took longer than ``limit`` seconds."""
     script, options = RUNS[name]
-    threads = {key: "1" for key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     command = [sys.executable, str(HERE / script), "--mesh", str(mesh), "--support", "glued", *options]
     try:
         done = subprocess.run(
@@ -63,7 +63,9 @@ def main() -> None:
 
     print("| program | dofs | seconds (median) | times softmodels' | apex at 30 cm, mm |\n|---|---|---|---|---|")
     for name in RUNS:
-        ours = next(other for other in RUNS if other.startswith("softmodels") and other.split(",")[1] == name.split(",")[1])
+        ours = next(
+            other for other in RUNS if other.startswith("softmodels") and other.split(",")[1] == name.split(",")[1]
+        )
         good = [(r[name], r[ours]) for r in reports if r[name] and r[ours]]
         if not good:
             print(f"| {name} | | failed | | |")

@@ -202,7 +202,9 @@ class Tube(Plain):
             for curve, name in ((bottom, "plane2"), (outside, "outer"), (top, "top"), (inside, "cavity")):
                 _group(1, [curve], name)
             return
-        whole, hole = (occ.addCylinder(0, 0, 0, 0, 0, self.height, r, angle=math.pi / 2) for r in (self.outer, self.inner))
+        whole, hole = (
+            occ.addCylinder(0, 0, 0, 0, 0, self.height, r, angle=math.pi / 2) for r in (self.outer, self.inner)
+        )
         cut, _ = occ.cut([(3, whole)], [(3, hole)])
         occ.synchronize()
         _group(3, [tag for _, tag in cut], "solid")

@@ -47,4 +47,4 @@ if __name__ == "__main__":
     abort_on_error(world)
     result = figures(world, Path(sys.argv[1]), Path(sys.argv[2]))
     if is_root(world):
-        print(json.dumps(result))
+        print(json.dumps({**result, "ranks": world.size}))

@@ -168,7 +168,8 @@ def imposed(equations, F):
     G = (F - np.eye(3)) if d == 3 else (F - np.eye(3))[np.ix_([0, 2], [0, 2])]
     displacement, pressure = equations.w.sub(0), equations.w.sub(1)
     displacement.interpolate(lambda X: body.skew @ G @ X[:d])
-    pressure.interpolate(lambda X: np.full(X.shape[1], equations.material.bulk / equations.stress_unit * (np.linalg.det(F) - 1)))
+    value = equations.material.bulk / equations.stress_unit * (np.linalg.det(F) - 1)
+    pressure.interpolate(lambda X: np.full(X.shape[1], value))
 
 
 def linear_field(equations, A):
@@ -249,7 +250,8 @@ def test_block_under_pressure_from_all_sides(law, section, bodies, equilibrium):
 
     stretch = brentq(out_of_balance, 0.3, 1.0, xtol=1e-15)
     volume = -(stretch**3) * (1.0 if section == "cube" else np.pi)
-    assert state.V == pytest.approx(volume, rel=1e-8 if isinstance(law, Ogden) else 1e-10)
+    near = 1e-8 if isinstance(law, Ogden) else 1e-10
+    assert abs(state.V / volume - 1) < near
     equations.load(state)
-    J = equations._J.eval(equations.body.mesh, equations.cells)
-    assert J == pytest.approx(stretch**3, rel=1e-8 if isinstance(law, Ogden) else 1e-9)
+    ratios = equations._J.eval(equations.body.mesh, equations.cells)
+    assert ratios == pytest.approx(stretch**3, rel=near)

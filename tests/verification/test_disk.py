@@ -31,7 +31,7 @@ def inflated(equilibrium, solved):
         if key not in known:
             equations = equilibrium(disk, law, formulation)
             goals = [column * CM / equations.stress_unit for column in columns]
-            path, points, end = solved(equations, goals, **options)
+            _, points, end = solved(equations, goals, **options)
             assert end is None
             fields, states = Fields(equations), [point.state for point in points if point.requested]
             figures = [fields.figures(state) for state in states]
@@ -78,7 +78,7 @@ def test_section_converges(section, fine, inflated):
     """The added volume at given pressures grows towards its limit as the cells shrink: the coarse ones are too stiff."""
     finer = inflated(HollowDisk(section="axisymmetric", cell_size=0.00075))
     assert (section.volume < finer.volume).all() and (finer.volume < fine.volume).all()
-    assert fine.volume - finer.volume == pytest.approx(0.0, abs=0.5 * (fine.volume - section.volume).max())
+    assert (fine.volume - finer.volume < 0.5 * (fine.volume - section.volume)).all()
 
 
 def test_wedge_converges_to_the_section(inflated):

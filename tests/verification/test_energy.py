@@ -36,7 +36,7 @@ CASES = {
 def test_work_is_stored(case, equilibrium, solved):
     disk, law, control, quantity, goal, falls = case
     equations = equilibrium(disk, law)
-    path, points, end = solved(equations, [goal], control, quantity, largest_step=goal / 25)
+    _, points, end = solved(equations, [goal], control, quantity, largest_step=goal / 25)
     assert end is None
     assert any(point.limit for point in points) == falls
     assert (points[-1].tangent.P < 0) == falls

@@ -14,6 +14,9 @@ import pytest
 
 PROGRAM = Path(__file__).with_name("figures.py")
 
+PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
+"""Ranks of MPICH wait by spinning: with more of them than cores they keep each other from work, unless told to sleep."""
+
 
 @pytest.fixture(scope="module")
 def program():
@@ -41,10 +44,11 @@ def test_figures_do_not_depend_on_the_ranks(ranks, meshes, serial):
     if mpirun is None:
         pytest.skip("no mpirun beside this Python or on the path")
     command = [mpirun, "-n", str(ranks), sys.executable, str(PROGRAM), *map(str, meshes)]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROGRAM.parents[2])}
+    environment = {**os.environ, **PATIENT, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROGRAM.parents[2])}
     run = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, check=False)
     assert run.returncode == 0, run.stderr
     found = json.loads(run.stdout.strip().splitlines()[-1])
+    assert found.pop("ranks") == ranks
     assert set(found) == set(serial) and "limit" in found
     for state, values in serial.items():
-        assert found[state] == pytest.approx(values, rel=1e-8), state
+        assert found[state] == pytest.approx(values, rel=1e-9), state

@@ -1,0 +1,149 @@
+"""Laws: stress-free at rest, the moduli they state, conventions, and what they refuse."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from softmodels.homogeneous import nominal_stress
+from softmodels.materials import LAWS, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.silicones import SILICONES
+from softmodels.strain import HomogeneousStrain
+
+EXAMPLES = {
+    "neo-hookean": NeoHookean(30e3, 0.45),
+    "mooney-rivlin": MooneyRivlin(10e3, 5e3, 0.45),
+    "yeoh": Yeoh(15e3, 1e3, 50.0, 0.45),
+    "ogden": Ogden((0.63e6, 1.2e3, -10e3), (1.3, 5.0, -2.0), 0.45),
+    "gent": Gent(30e3, 40.0, 0.45),
+}
+laws = pytest.mark.parametrize("law", EXAMPLES.values(), ids=EXAMPLES.keys())
+
+
+def energy(law, *stretches):
+    return law.energy(HomogeneousStrain(stretches))
+
+
+def test_every_law_is_here():
+    assert set(EXAMPLES) == set(LAWS)
+    assert all(LAWS[law.name] is type(law) for law in EXAMPLES.values())
+
+
+@laws
+def test_rest_has_neither_energy_nor_stress(law):
+    h = 1e-30
+    assert energy(law, 1.0, 1.0, 1.0) == pytest.approx(0.0, abs=1e-9)
+    for stretches in ((1 + 1j * h, 1.0, 1.0), (1.0, 1 + 1j * h, 1.0), (1.0, 1.0, 1 + 1j * h)):
+        assert np.imag(energy(law, *stretches)) / h == pytest.approx(0.0, abs=1e-9 * law.shear_modulus_0)
+
+
+@laws
+def test_shear_modulus_is_that_of_simple_shear(law):
+    """Simple shear g has the stretches l and 1/l with l - 1/l = g; the shear stress is dW/dg and mu its rise at g = 0."""
+
+    def stress(g, h=1e-30):
+        stretch = (g + 1j * h + np.sqrt((g + 1j * h) ** 2 + 4)) / 2
+        return np.imag(energy(law, stretch, 1 / stretch, 1.0)) / h
+
+    assert stress(1e-4) / 1e-4 == pytest.approx(law.shear_modulus_0, rel=1e-6)
+
+
+@laws
+def test_small_strain_is_hooke(law):
+    """The rise of a principal stress with its own and with another's strain: lambda + 2 mu and lambda."""
+    e, h, mu, nu = 1e-6, 1e-30, law.shear_modulus_0, law.poisson
+    lame = 2 * mu * nu / (1 - 2 * nu)
+    own = np.imag(energy(law, 1 + e + 1j * h, 1.0, 1.0)) / h / e
+    other = np.imag(energy(law, 1 + 1j * h, 1 + e, 1.0)) / h / e
+    assert own == pytest.approx(lame + 2 * mu, rel=1e-4)
+    assert other == pytest.approx(lame, rel=1e-4)
+
+
+@laws
+def test_half_is_incompressible(law):
+    law = dataclasses.replace(law, poisson=0.5)
+    assert math.isinf(law.bulk)
+    assert energy(law, 1.5, 1 / 1.5, 1.0) == law.shape(HomogeneousStrain((1.5, 1 / 1.5, 1.0)), law)
+
+
+@pytest.mark.parametrize("name", ["mooney-rivlin", "yeoh", "ogden", "gent"])
+def test_shape_part_is_isochoric(name):
+    law = EXAMPLES[name]
+    assert law.shape(HomogeneousStrain((1.2, 1.2, 1.2)), law) == pytest.approx(0.0, abs=1e-9 * law.shear_modulus_0)
+    assert energy(law, 1.2, 1.2, 1.2) == pytest.approx(law.bulk / 2 * (1.2**3 - 1) ** 2, rel=1e-12)
+
+
+def test_laws_that_contain_each_other():
+    stretch = np.array([0.7, 1.5, 2.5])
+    plain = nominal_stress(NeoHookean(30e3), stretch)
+    for same in (MooneyRivlin(15e3), Yeoh(15e3), Ogden((30e3,), (2.0,)), Gent(30e3, 1e12)):
+        assert nominal_stress(same, stretch) == pytest.approx(plain, rel=1e-9)
+    mooney = Ogden((20e3, -10e3), (2.0, -2.0))
+    assert nominal_stress(mooney, stretch) == pytest.approx(nominal_stress(MooneyRivlin(10e3, 5e3), stretch), rel=1e-9)
+
+
+def test_treloar_rubber():
+    """Ogden's fit to Treloar's vulcanised rubber: 0.63, 0.0012, -0.01 MPa; alpha 1.3, 5, -2 (doi 10.1098/rspa.1972.0026)."""
+    law = Ogden((0.63e6, 0.0012e6, -0.01e6), (1.3, 5.0, -2.0))
+    assert law.shear_modulus_0 == pytest.approx(0.4225e6)
+
+
+def test_ogden_conventions():
+    """2 mu_i/alpha_i^2 or mu_i/alpha_i: the same numbers are another rubber, the conversion the same one."""
+    mu, alpha = (0.3e6, 0.1e6), (1.3, 5.0)
+    other = Ogden.from_two_mu(mu, alpha)
+    assert other.shear_modulus_0 == pytest.approx(sum(mu))
+    assert Ogden(mu, alpha).shear_modulus_0 == pytest.approx((0.3e6 * 1.3 + 0.1e6 * 5) / 2)
+    a, b, c = 1.7, 0.8, 1 / (1.7 * 0.8)
+    by_hand = sum(2 * m / k**2 * (a**k + b**k + c**k - 3) for m, k in zip(mu, alpha, strict=True))
+    assert other.shape(HomogeneousStrain((a, b, c)), other) == pytest.approx(by_hand)
+
+
+def test_neo_hookean_constructors():
+    assert NeoHookean.from_young(90e3, 0.5).shear_modulus == pytest.approx(30e3)
+    law = NeoHookean.from_c1_d1(15e3, 735e3)
+    assert law.shear_modulus == pytest.approx(30e3)
+    assert law.bulk == pytest.approx(2 * 735e3)
+    assert law.poisson == pytest.approx(0.49)
+
+
+def test_gent_stiffens_without_bound():
+    law = Gent(30e3, 10.0)
+    taut = max(np.roots([1.0, 0.0, -13.0, 2.0]).real)  # I1 = l^2 + 2/l = 13
+    near = nominal_stress(law, taut * (1 - np.array([1e-3, 1e-6])))
+    assert near[1] > 500 * near[0]
+    assert np.isnan(nominal_stress(law, taut * 1.001))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: NeoHookean(-1.0), "shear modulus at small strain is -1 Pa"),
+        (lambda: NeoHookean(0.0), "must be above zero"),
+        (lambda: NeoHookean(30e3, 0.51), "outside -1 to 0.5"),
+        (lambda: NeoHookean(30e3, -1.0), "outside -1 to 0.5"),
+        (lambda: NeoHookean(math.nan), "not a finite number"),
+        (lambda: Yeoh(15e3, math.inf), "c2 = inf is not a finite number"),
+        (lambda: NeoHookean.from_c1_d1(1.0, -1.0), "does not exist"),
+        (lambda: MooneyRivlin(1e3, -2e3), "must be above zero"),
+        (lambda: Ogden((1e3,), (2.0, 3.0)), "1 values of mu and 2 of alpha"),
+        (lambda: Ogden((), ()), "come in pairs"),
+        (lambda: Ogden((1e3,), (0.0,)), "alpha is zero"),
+        (lambda: Ogden((1e3,), (-2.0,)), "must be above zero"),
+        (lambda: Ogden.from_two_mu((1e3,), (0.0,)), "no alpha is zero"),
+        (lambda: Gent(30e3, 0.0), "limit = 0"),
+    ],
+)
+def test_impossible_materials(make, words):
+    with pytest.raises(MaterialError, match=words):
+        make()
+
+
+@pytest.mark.parametrize("name", SILICONES)
+def test_silicones_only_stiffen_in_the_range_of_their_fit(name):
+    silicone = SILICONES[name]
+    stretch = np.linspace(*silicone.stretches, 50)
+    assert (np.diff(nominal_stress(silicone.material, stretch)) > 0).all()
