@@ -45,7 +45,11 @@ def von_mises(stresses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 @dataclasses.dataclass(frozen=True)
 class Figures:
-    """One state in numbers, of the whole device, SI units; extremes are over the integration points."""
+    """One state in numbers, of the whole device, SI units.
+
+    Extremes of stretch and stress are over the integration points. Those of J are over the cells' means: elements that
+    keep the volume do so in the mean, and their single points scatter around it by an error of the mesh.
+    """
 
     pressure: float
     added_volume: float
@@ -61,7 +65,8 @@ class Figures:
 class Fields:
     """Nodal fields and key figures of an equilibrium's states.
 
-    Stresses, stretches and volume ratios at a node are the mean of the adjoining cells' values there.
+    Stresses and stretches at a node are the mean of the adjoining cells' values there, the volume ratio that of the
+    cells' own means.
     """
 
     def __init__(self, equilibrium: Equilibrium):
@@ -117,7 +122,7 @@ class Fields:
         u = self._displacement(state)
         lift = np.asarray(eq.body.actuator.lift)
         F = self._gradients(self._at_points)
-        stretches, J = principal_stretches(F), np.linalg.det(F)
+        stretches, J = principal_stretches(F), np.linalg.det(F).mean(axis=1)
         stress = von_mises(shape_stresses(eq.material, stretches))
 
         def most(values: npt.NDArray[np.float64]) -> float:
@@ -144,8 +149,10 @@ class Fields:
         eq = self.equilibrium
         eq.load(state)
         F = self._gradients(self._at_nodes)
-        stretches, J = principal_stretches(F), np.linalg.det(F)
+        stretches = principal_stretches(F)
         stress = von_mises(shape_stresses(eq.material, stretches))
+        means = np.linalg.det(self._gradients(self._at_points)).mean(axis=1)
+        J = np.repeat(means[:, None], F.shape[1], axis=1)
         fields = {
             "displacement": self._displacement(state),
             "p": self._pressure(state, J) * eq.stress_unit,

@@ -29,6 +29,8 @@ from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, replace
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
+VOLUME_CHANGE = 0.1
+"""Change of a cell's volume above which the user is told."""
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -313,6 +315,12 @@ def _close(case: Case, results: Results, status: int, message: str, quiet: bool,
         print(f"softmodels: {message}{where}", file=sys.stderr)
     elif not quiet:
         row = results.rows[-1]
+        if row["J_min"] < 1 - VOLUME_CHANGE or row["J_max"] > 1 + VOLUME_CHANGE:
+            print(
+                f"softmodels: note: the silicone's own volume changed to {row['J_min']:.3f} to {row['J_max']:.3f} of what it "
+                "was; rubber keeps it, so take --poisson nearer to 0.5, or a finer mesh where cells are few",
+                file=sys.stderr,
+            )
         print(
             f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa): apex {row['apex_mm']:+.5g} mm, "
             f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}, "
