@@ -26,6 +26,8 @@ QUADRATURE_DEGREE = 2
 """Exact for the products of linear gradients, which is what second-order elements need for their full rate."""
 
 SURFACE_DEGREE = 4
+CAVITY = 1
+"""Tag of the cavity's facets in the forms: the same for every mesh, since another number would compile them again."""
 
 
 class BodyError(RuntimeError):
@@ -39,23 +41,22 @@ class Body:
     Attributes:
         actuator: The geometry.
         mesh: DOLFINx mesh in units of ``actuator.size``; 3-D, or the (r, z) half section of an axisymmetric device.
-        facets: Facet tags.
+        cavity: Facet tags, `CAVITY` on the cavity's wall.
         entities: Local mesh entities by role: name to (dimension, indices).
-        tags: Facet tag by role.
         skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
     """
 
     actuator: Actuator
     mesh: Any
-    facets: Any
+    cavity: Any
     entities: dict[str, tuple[int, npt.NDArray[np.int32]]]
-    tags: dict[str, int]
     skew: npt.NDArray[np.float64]
 
     @classmethod
     def from_file(cls, actuator: Actuator, path: Path, comm: Any) -> Body:
         """Read the Gmsh file that ``actuator.write`` made (rank 0 reads, all receive)."""
         import gmsh
+        from dolfinx import mesh as meshes
         from dolfinx.io import gmsh as gmshio
 
         on_root(comm, lambda: path.stat())  # a missing file is an error on all ranks, not a hang
@@ -66,17 +67,17 @@ class Body:
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim
         by_dimension = {tdim - 1: data.facet_tags, tdim - 2: data.ridge_tags, tdim - 3: data.peak_tags}
-        entities, tags = {}, {}
+        entities = {}
         for name, group in data.physical_groups.items():
             if group.dim == tdim:
                 continue
             found = by_dimension[group.dim]
             entities[name] = (group.dim, found.find(group.tag))
-            if group.dim == tdim - 1:
-                tags[name] = group.tag
-        if "cavity" not in tags:
+        if "cavity" not in entities:
             raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named 'cavity' to put a pressure on")
-        return cls(actuator, data.mesh, data.facet_tags, entities, tags, _skew(actuator))
+        facets = entities["cavity"][1]
+        cavity = meshes.meshtags(data.mesh, tdim - 1, facets, np.full(len(facets), CAVITY, dtype=np.int32))
+        return cls(actuator, data.mesh, cavity, entities, _skew(actuator))
 
     @property
     def axisymmetric(self) -> bool:
@@ -91,8 +92,8 @@ class Body:
         import ufl
 
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
-        ds = ufl.Measure("ds", self.mesh, subdomain_data=self.facets, metadata={"quadrature_degree": SURFACE_DEGREE})
-        return dx, ds(self.tags["cavity"])
+        ds = ufl.Measure("ds", self.mesh, subdomain_data=self.cavity, metadata={"quadrature_degree": SURFACE_DEGREE})
+        return dx, ds(CAVITY)
 
     @property
     def hoop(self) -> Any:

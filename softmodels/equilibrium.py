@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.body import QUADRATURE_DEGREE, Body
+from softmodels.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.bordered import Bordered
 from softmodels.controls import Control
 from softmodels.materials import Material, MaterialError
@@ -30,6 +30,7 @@ MOST_ITERATIONS = 15
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
 TANGENT_TOLERANCE = 1e-5
 WORN = 25  # GMRES iterations in one solve after which the kept factorisation is replaced at once
+VOLUME_TOLERANCE = 0.1  # of the cavity's volume by its mesh against its closed form; straight edges cost a few percent
 STALE = 60  # GMRES iterations in all after which the next state gets a factorisation of its own
 
 
@@ -141,6 +142,16 @@ class Equilibrium:
         self.cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
         self.n = self.system.n
         self._make_solver()
+        self._check_volume()
+
+    def _check_volume(self) -> None:
+        """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
+        found, known = self.rest().V * self.volume_unit, self.body.actuator.cavity_volume
+        if abs(found / known - 1) > VOLUME_TOLERANCE:
+            raise BodyError(
+                f"the cavity's wall encloses {found * 1e6:.4g} ml where {known * 1e6:.4g} ml were expected; planes that cut "
+                "the cavity open have to pass through the origin"
+            )
 
     def set_material(self, material: Material) -> None:
         """Take other values of the same law; nothing is compiled again."""

@@ -175,6 +175,7 @@ class Path:
             line = self.target(goal) if hit else self.ahead(share)
             try:
                 state = self.solve(line, self.points)
+                self._check_branch(state)
                 if hit and self.quantity == "pressure":
                     state = dataclasses.replace(state, P=goal)  # to the last digit
                 change = GROWTH if state.iterations <= QUICK else 1.0 if state.iterations < SLOW else 0.6
@@ -189,6 +190,13 @@ class Path:
                     step, direct = self.last.step, False
                 elif step < SHORTEST * self.first_steps[self.line]:
                     raise PathEnd(f"no step of any length succeeded ({failure})") from failure
+
+    def _check_branch(self, state: State) -> None:
+        """Refuse a state that Newton found somewhere else: behind the last one, or with its cavity turned inside out."""
+        s, t = self.last.state, self.last.tangent
+        along = (state.V - s.V) * t.V / self.V0**2 + (state.P - s.P) * t.P / self.P_scale**2
+        if state.V <= 0.0 or along <= 0.0:
+            raise NoConvergence("it jumped to another branch")
 
     def choose(self, past_limit: bool) -> None:
         """Under ``auto``, follow the pressure where the device is stiff and the volume where it softens."""
@@ -327,15 +335,15 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         _check_end(path, met)
         path.choose(met is not None)
         before = path.last
-        after = path.advance(before.step, left[0])
-        if path.line == path.quantity:
-            left = left[1:] if after.requested else left
-            yield path.keep(after)
-            continue
+        try:
+            after = path.advance(before.step, left[0])
+        except PathEnd as end:
+            raise PathEnd(str(end), met) from end
         passed = before
         turned = before.tangent.P * after.tangent.P < 0
         for stop in [path.limit(before, after), after] if turned else [after]:
-            while left and path.value(passed.state) < left[0] <= path.value(stop.state):
+            # On its own line the path stops at a goal by itself; on another it has to look back for those it passed.
+            while path.line != path.quantity and path.value(passed.state) < left[0] <= path.value(stop.state):
                 passed = path.keep(path.between(passed, stop, left[0]))
                 left = left[1:]
                 yield passed
@@ -345,6 +353,7 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
             if met is None and stop.limit and before.tangent.P > 0:
                 met = passed
             yield passed
+        left = left[1:] if after.requested else left
 
 
 def _check_end(path: Path, met: Point | None) -> None:

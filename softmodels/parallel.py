@@ -24,6 +24,9 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
     """
     # More BLAS threads than cores slow MUMPS several times over; a user's own setting stands.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    # MPICH's ranks spin while they wait; with more ranks than cores they would spin in each other's way, ten times slower.
+    os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
+    os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "64")
     # The wheel from PyPI orders MPI ahead of everything compiled; with conda or in a container there is no such module.
     with contextlib.suppress(ImportError):
         import dolfinx_solver  # noqa: F401

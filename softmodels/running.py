@@ -23,6 +23,7 @@ import numpy as np
 
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
+from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.materials import MaterialError
 from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, start
 from softmodels.progress import Progress
@@ -34,6 +35,7 @@ VOLUME_CHANGE = 0.1
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+STOPS = (signal.SIGINT, signal.SIGTERM)
 MESH_END = b"$EndElements"
 
 
@@ -100,12 +102,18 @@ def _interruptible() -> Iterator[list[int]]:
             os._exit(STOPPED)
         received.append(number)
 
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, note) for number in STOPS}
     try:
         yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _renew_handlers() -> None:
+    """Put the handlers back in place: Gmsh, when it starts, takes away that of SIGTERM behind Python's back."""
+    for number in STOPS:
+        signal.signal(number, signal.getsignal(number))
 
 
 def _prepare(case: Case, results: Results, resume: bool) -> bool:
@@ -115,6 +123,7 @@ def _prepare(case: Case, results: Results, resume: bool) -> bool:
         _check_same(case, Case.from_file(file), folder)
         if results.heavy.exists():
             results.load()
+            _drop_between(case, results)
             _check_values(case, results)
             _write(file, case.to_toml())
             return bool(results.stored)
@@ -135,6 +144,19 @@ def _check_same(case: Case, old: Case, folder: Path) -> None:
     if bool(old.pressures_cm) != bool(case.pressures_cm):
         had = "pressures" if old.pressures_cm else "volumes"
         raise RunError(f"{folder} holds a run to requested {had}; resume with those, or run without --resume", BAD_INPUT)
+
+
+def _drop_between(case: Case, results: Results) -> None:
+    """Forget the last states if they were solved for between two steps of which the second is missing.
+
+    They are found again, with that step. Going on from one of them would cut the path into other steps.
+    """
+    quantity = "pressure" if case.pressures_cm else "volume"
+    while results.stored:
+        row = results.stored[-1].row
+        if not (row["limit"] or (row["requested"] and row["step"] and row["following"] != quantity)):
+            return
+        results.stored.pop()
 
 
 def _check_values(case: Case, results: Results) -> None:
@@ -179,11 +201,15 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
         progress.say(f"meshing {type(case.actuator).__name__} ({case.actuator.section})")  # type: ignore[attr-defined]
         on_root(comm, lambda: _mesh(case, mesh))
     progress.say("preparing the equations (compiled the first time, half a minute; then from the cache)")
+    on_root(comm, lambda: wait_for_cache(cache(), progress.say, lambda: bool(stopped)))
+    _stop_if_asked(comm, stopped)
     try:
         body = Body.from_file(case.actuator, mesh, comm)
-        equilibrium = Equilibrium(body, case.material, case.formulation)
-        fields = Fields(equilibrium)
-    except BodyError as error:
+        _renew_handlers()
+        with compiling():
+            equilibrium = Equilibrium(body, case.material, case.formulation)
+            fields = Fields(equilibrium)
+    except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error
     dofs = equilibrium.space.dofmap.index_map.size_global * equilibrium.space.dofmap.index_map_bs
     cells = body.mesh.topology.index_map(body.mesh.topology.dim).size_global
@@ -207,8 +233,7 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
     try:
         for point in trace(path, goals, begin):
             _keep(case, results, fields, comm, progress, point)
-            if any_rank(comm, bool(stopped)):
-                raise RunError("stopped by the user; go on with --resume", STOPPED)
+            _stop_if_asked(comm, stopped)
     except PathEnd as end:
         raise RunError(_explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED) from end
     except NoConvergence as failure:  # at the first state or a limit point, where there is no step to shorten
@@ -217,6 +242,11 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
             "(--cell-size), or use another --control"
         ) from failure
     return ""
+
+
+def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
+    if any_rank(comm, bool(stopped)):
+        raise RunError("stopped by the user; go on with --resume", STOPPED)
 
 
 def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any) -> None:

@@ -1,7 +1,7 @@
 """Time softmodels against FElupe (PARDISO) and CalculiX on one mesh, side by side in one run, and print a table.
 
     apt-get install calculix-ccx
-    uv run --with felupe --with pypardiso python tests/benchmarks/compare_peers.py --size 2.0 --rounds 3
+    uv run python tests/benchmarks/compare_peers.py --size 2.0 --rounds 3
 
 The thin wedge goes from 0 to 30 cm of water in 11 pressures; one thread each. Programs run one after the other in every
 round, and the ratio is taken within the round, so a busy machine slows all alike. The first run of softmodels, which
@@ -36,7 +36,10 @@ def once(name: str, mesh: Path, limit: float) -> dict[str, Any] | None:
     """One run's report; None where it failed or took longer than ``limit`` seconds."""
     script, options = RUNS[name]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    command = [sys.executable, str(HERE / script), "--mesh", str(mesh), "--support", "glued", *options]
+    # FElupe runs beside the project, in an environment of its own that uv keeps: the project does not depend on it.
+    beside = ["uv", "run", "--with", "felupe", "--with", "pypardiso", "python"]
+    python = beside if script.startswith("felupe") else [sys.executable]
+    command = [*python, str(HERE / script), "--mesh", str(mesh), "--support", "glued", *options]
     try:
         done = subprocess.run(
             command, env={**os.environ, **threads}, capture_output=True, text=True, timeout=limit, check=True

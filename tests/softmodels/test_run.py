@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from softmodels.commandline import main
+from softmodels.compiling import wait_for_cache
 from softmodels.disk import command
 from softmodels.results import Results, ResultsError
 
@@ -24,6 +25,7 @@ STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 LIMITED = """
 import resource, signal, sys
 from softmodels.parallel import start
+sys.argv[0] = "disk"  # PETSc takes -c for an option
 start()  # MPI makes large files of its own
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 size = int(sys.argv.pop(1))
@@ -205,18 +207,79 @@ def test_words_that_petsc_cannot_use(words, status, told, runs, tmp_path):
     assert told in done.err and "PETSc" in done.err
 
 
-def test_a_limit_point_is_found_and_told(runs, tmp_path):
-    asked = ("--variant", "shadow", "--pressure-cm", "0:60", "--quiet")
-    done = runs.disk(tmp_path / "disk", *asked)
+KILLED = """
+import os, signal, sys
+from softmodels.results import Results
+count, add = int(sys.argv.pop(1)), Results.add
+def add_and_die(self, *step):
+    add(self, *step)
+    if len(self.stored) == count:
+        os.kill(os.getpid(), signal.SIGKILL)
+Results.add = add_and_die
+sys.argv[0] = "disk"
+from softmodels.commandline import main
+from softmodels.disk import command
+main(command)
+"""
+SOFT = ("--variant", "shadow", "--pressure-cm", "0,52.5,52.9,60", "--quiet")
+
+
+@pytest.fixture(scope="module")
+def limited(runs, tmp_path_factory):
+    """A run past its limit point."""
+    folder = tmp_path_factory.mktemp("limited") / "disk"
+    return folder, runs.disk(folder, *SOFT)
+
+
+def test_a_limit_point_is_found_and_told(limited, runs):
+    folder, done = limited
     assert done.status == 3 and done.out == "" and done.err.count("\n") == 1
-    rows = runs.rows(tmp_path / "disk")
+    rows = runs.rows(folder)
     limits = [row for row in rows if row["limit"]]
     assert len(limits) == 1 and len(rows) - rows.index(limits[0]) in range(2, 6)
     assert limits[0]["pressure_cm"] == max(row["pressure_cm"] for row in rows) < 60 and rows[-1]["pressure_cm"] > 40
     assert rows[-1]["added_volume_ml"] > 1.1 * limits[0]["added_volume_ml"]
+    assert [row["pressure_cm"] for row in rows if row["requested"]] == [0, 52.5, 52.9]
     for name, unit in (("pressure_cm", "cm"), ("apex_mm", "mm"), ("added_volume_ml", "ml")):
         assert f"{limits[0][name]:.4g} {unit}" in done.err, name
-    assert "no equilibrium at 60 cm" in done.err and "--volume-ml" in done.err
-    assert readable(tmp_path / "disk") == len(rows)
-    again = runs.disk(tmp_path / "disk", *asked, "--resume")
-    assert again.status == 3 and again.err == done.err and runs.rows(tmp_path / "disk") == rows
+    assert "no equilibrium at 60 cm" in done.err and "--volume-ml" in done.err and f"The {len(rows)} states" in done.err
+    assert readable(folder) == len(rows)
+
+
+@pytest.mark.parametrize("place", ["requested", "limit"])
+def test_a_run_killed_between_two_steps_goes_on_to_the_same_limit(place, limited, runs, tmp_path):
+    rows = runs.rows(limited[0])
+    # The last requested pressure is solved for between two steps, and so is the limit point.
+    count = 1 + max(i for i, row in enumerate(rows) if row[place])
+    assert runs.run("-c", KILLED, str(count), *runs.DISK[2:], "--output", tmp_path / "disk", *SOFT).status == -signal.SIGKILL
+    assert runs.rows(tmp_path / "disk") == rows[:count]
+    again = runs.disk(tmp_path / "disk", *SOFT, "--resume")
+    assert again.status == 3 and again.err == limited[1].err.replace(str(limited[0]), str(tmp_path / "disk"))
+    runs.same(runs.rows(tmp_path / "disk"), rows, 1e-9)
+
+
+def test_no_compiler_is_a_sentence(runs, tmp_path):
+    without = {**os.environ, "CC": "/no/compiler", "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = runs.disk(tmp_path / "disk", *STEPS, env=without)
+    assert done.status == 1 and done.out == "" and done.err.count("\n") == 1
+    assert "cannot be compiled" in done.err and "/no/compiler" in done.err and "doctor" in done.err
+
+
+def test_what_a_run_killed_while_compiling_left_is_taken_away(tmp_path):
+    ready, young, old = (tmp_path / f"libffcx_forms_{name}.c" for name in ("ready", "young", "old"))
+    for source in (ready, young, old):
+        source.touch()
+    ready.with_suffix(".c.cached").touch()
+    os.utime(ready, (0, 0))
+    os.utime(old, (0, 0))
+    said = []
+
+    def others():
+        # The other run finishes after we have been told of it.
+        if said:
+            young.with_suffix(".c.cached").touch()
+        return False
+
+    wait_for_cache(tmp_path, said.append, others)
+    assert len(said) == 1 and "compiling" in said[0]
+    assert ready.exists() and young.exists() and not old.exists()

@@ -52,7 +52,8 @@ def _group(dimension, tags, name):
     import gmsh
 
     # Compiled forms carry the cavity's tag: that of the default hollow disk lets all bodies share them.
-    gmsh.model.addPhysicalGroup(dimension, tags, 4 if name == "cavity" else -1, name)
+    tag = 4 if name == "cavity" else 10 + len(gmsh.model.getPhysicalGroups())
+    gmsh.model.addPhysicalGroup(dimension, tags, tag, name)
 
 
 def _octant_planes():
@@ -183,7 +184,7 @@ class Tube(Plain):
 
     @property
     def cavity_volume(self):
-        return math.pi * self.inner**2 * self.height
+        return math.pi * self.inner**2 * self.height / 4  # of the quarter: there are no copies
 
     def build(self):
         import gmsh

@@ -233,7 +233,7 @@ def test_patch_of_triangles_has_the_laws_stress(law, bodies, equilibrium):
 @laws
 @pytest.mark.parametrize("section", ["cube", "axisymmetric"])
 def test_block_under_pressure_from_all_sides(law, section, bodies, equilibrium):
-    """A real solve whose answer is homogeneous: J is the root of dW/dJ = -P everywhere."""
+    """A real solve whose answer is homogeneous, up to the solver's own tolerance: J is the root of dW/dJ = -P."""
     from scipy.optimize import brentq
 
     from softmodels.controls import pressure_control
@@ -250,7 +250,7 @@ def test_block_under_pressure_from_all_sides(law, section, bodies, equilibrium):
 
     stretch = brentq(out_of_balance, 0.3, 1.0, xtol=1e-15)
     volume = -(stretch**3) * (1.0 if section == "cube" else np.pi)
-    near = 1e-8 if isinstance(law, Ogden) else 1e-10
+    near = 1e-8 if isinstance(law, Ogden) else 1e-9
     assert abs(state.V / volume - 1) < near
     equations.load(state)
     ratios = equations._J.eval(equations.body.mesh, equations.cells)

@@ -17,7 +17,7 @@ from softmodels.fields import Fields
 from softmodels.materials import NeoHookean
 
 COLUMNS = (70.0, 130.0, 177.0)
-CM = pascal_per_cm(950.0)
+CM = pascal_per_cm()
 SILICONE = NeoHookean(30e3, 0.49)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
+from softmodels.body import CAVITY
 from softmodels.homogeneous import balloon_limit
 from softmodels.materials import NeoHookean
 
@@ -59,10 +60,15 @@ def test_other_controls_meet_the_same_limit(balloon, limit, solved, control):
 
 
 def test_pressure_control_ends_at_the_limit(balloon, limit, solved):
-    """What no state of rest can bear is an error that says so, and the path stops short of the limit."""
+    """What no state of rest can bear is an error that says so.
+
+    Past the limit the balloon turned inside out is in equilibrium too, and Newton's method finds it now and then: no path
+    leads there, and a path that jumps would show as a cavity that shrinks.
+    """
     _, points, end = solved(balloon, [1.2 * limit.state.P], "pressure")
+    assert (np.diff([point.state.V for point in points]) > 0).all()
     assert end is not None
-    assert points[-1].state.P < limit.state.P
+    assert points[-1].state.P < limit.state.P * (1 + 1e-6)
 
 
 # -- PETSc's SNESNEWTONAL on a residual written for it alone ----------------------------------------------------------
@@ -170,7 +176,7 @@ class Continuation:
 def compared(equations, solved, held, highest, step, steps):
     """PETSc's path, and the library's pressures at the volumes of its states."""
     body = equations.body
-    reference = Continuation(body.mesh, (body.facets, body.tags["cavity"]), equations.material, held)
+    reference = Continuation(body.mesh, (body.cavity, CAVITY), equations.material, held)
     path = reference.follow(highest, step, steps)
     order = np.argsort(path[:, 1])
     path = path[order][path[order, 1] > equations.rest().V * (1 + 1e-9)]

@@ -1,0 +1,76 @@
+"""The equations are compiled at run time, once, into a cache that all of a user's runs share: what can go wrong there.
+
+FFCx marks a module in the making by a ``.c`` file with no ``.c.cached`` beside it. A run that is killed just then leaves
+the mark behind; the next one would wait for it in vain and fail.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+LONGEST = 180.0
+"""Seconds after which nobody can still be compiling one module: a solid slice takes half a minute on a slow machine."""
+
+
+class CompilingError(RuntimeError):
+    """The equations could not be compiled; the message is a sentence for the user."""
+
+
+def wait_for_cache(folder: Path, tell: Callable[[str], None], stopped: Callable[[], bool]) -> None:
+    """Return once no module of the cache is in the making; marks older than `LONGEST` are taken away.
+
+    Args:
+        folder: The cache.
+        tell: Gets a sentence if there is anything to wait for.
+        stopped: Asked between looks; if true, the wait is over.
+    """
+    told = False
+    while not stopped():
+        ages = [age for age in map(_age, folder.glob("libffcx_*.c")) if age is not None]
+        if not ages:
+            return
+        if not told:
+            tell(f"waiting for another run that is compiling (or was killed so; then {LONGEST - min(ages):.0f} s longer)")
+            told = True
+        time.sleep(0.2)
+
+
+def _age(source: Path) -> float | None:
+    """Seconds for which a module has been in the making; None if it is ready, or was given up long ago."""
+    try:
+        if source.with_suffix(".c.cached").exists():
+            return None
+        age = time.time() - source.stat().st_mtime
+        if age < LONGEST:
+            return age
+        source.unlink()
+    except FileNotFoundError:  # finished, or taken away by another run
+        pass
+    return None
+
+
+def cache() -> Path:
+    """The folder DOLFINx compiles into."""
+    from dolfinx import jit
+
+    return Path(jit.get_options()["cache_dir"])
+
+
+@contextlib.contextmanager
+def compiling() -> Iterator[None]:
+    """Turn what the compiler and its cache raise into a `CompilingError`."""
+    try:
+        yield
+    except TimeoutError as error:
+        raise CompilingError("another run has been compiling the same equations for long; wait for it, then run again") from error
+    except Exception as error:
+        # cffi's error on one rank; on several, DOLFINx passes on its text.
+        if type(error).__name__ != "VerificationError" and "JIT" not in str(error):
+            raise
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise CompilingError(
+            f"the equations cannot be compiled ({reason}); a C compiler is needed, and softmodels doctor tells what is missing"
+        ) from error
