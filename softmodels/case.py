@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 import tomllib
@@ -67,6 +68,11 @@ class Case:
             raise CaseError(f"formulation {self.formulation!r} is not one of {', '.join(FORMULATIONS)}")
         if self.formulation == "displacement" and math.isinf(self.material.bulk):
             raise CaseError("poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed")
+        if self.formulation == "mixed" and self.material.bulk <= 0.0:
+            raise CaseError(
+                f"poisson = {self.material.poisson:g} leaves {self.material.name} no stiffness of volume, which the mixed "
+                "formulation divides by; use --formulation displacement"
+            )
         if not 100.0 <= self.water_density <= 20000.0:
             raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
         self._check_sizes()
@@ -105,7 +111,9 @@ class Case:
         """Text of a case file that repeats this case exactly."""
         import tomli_w
 
-        load: dict[str, Any] = {"pressure_cm": list(self.pressures_cm)} if self.pressures_cm else {"volume_ml": list(self.volumes_ml)}
+        load: dict[str, Any] = (
+            {"pressure_cm": list(self.pressures_cm)} if self.pressures_cm else {"volume_ml": list(self.volumes_ml)}
+        )
         load["water_density"] = exact_text(self.water_density, "kg/m^3")
         return tomli_w.dumps(
             {
@@ -142,7 +150,9 @@ class Case:
             return cls(
                 name=tables.get("name", "disk"),
                 actuator=geometry_table.from_table(tables["geometry"]),
-                material=material_table.from_table(tables["material"]) if "material" in tables else material_table.DEFAULT,
+                material=material_table.from_table(tables["material"])
+                if "material" in tables
+                else material_table.DEFAULT,
                 pressures_cm=series(load.get("pressure_cm", ()), "pressure"),
                 volumes_ml=series(load.get("volume_ml", ()), "volume"),
                 water_density=_density(load.get("water_density", exact_text(WATER_DENSITY, "kg/m^3"))),
@@ -206,7 +216,7 @@ def series(text: Any, what: str) -> tuple[float, ...]:
         raise CaseError(f"{what} {text!r} holds a value that is not finite")
     if separator == ":":
         numbers = _range(numbers, str(text), what)
-    for before, after in zip(numbers, numbers[1:], strict=False):
+    for before, after in itertools.pairwise(numbers):
         if after == before:
             raise CaseError(f"{what} {after:g} is requested twice")
         if after < before:

@@ -16,14 +16,23 @@ method and two pieces that FElupe has no ready-made part for stand here:
 from __future__ import annotations
 
 import argparse
+import importlib.util
+import os
 import time
+from pathlib import Path
 
 import felupe as fem  # type: ignore[import-untyped]
 import numpy as np
 import wedge_case
 from numpy.typing import NDArray
-from pypardiso import spsolve  # type: ignore[import-untyped]
 from scipy import sparse
+
+# pypardiso looks for MKL in the interpreter's own folder; `uv run --with` has put it beside the package.
+beside = importlib.util.find_spec("pypardiso")
+if beside is not None and beside.origin is not None:
+    for library in Path(beside.origin).parents[3].glob("libmkl_rt*"):
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
+from pypardiso import spsolve  # type: ignore[import-untyped]  # noqa: E402
 
 TOLERANCE = 1e-8
 """A step has converged when the residual is this small against the reactions, which is also FElupe's criterion."""

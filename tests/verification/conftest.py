@@ -184,7 +184,8 @@ class Tube(Plain):
 
     @property
     def cavity_volume(self):
-        return math.pi * self.inner**2 * self.height / 4  # of the quarter: there are no copies
+        whole = math.pi * self.inner**2 * self.height
+        return whole if self.dimension == 2 else whole / 4  # a quarter with no copies
 
     def build(self):
         import gmsh
