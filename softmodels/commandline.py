@@ -84,17 +84,26 @@ def device_command(device: type[Actuator], module: str, name: str, pressures: st
                         help="Displacement and pressure, or displacement alone (compressible studies).")(made)  # fmt: skip
     made = click.option("--control", type=click.Choice(CONTROLS), default="auto", show_default=True,
                         help="What the path follows.")(made)  # fmt: skip
-    made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY,
-                        help=f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, the thesis' measured value]")(made)  # fmt: skip
+    text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
+    made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
     made = material_options(made)
     made = device_options(device)(made)
-    made = click.option("--volume-ml", metavar="SERIES", help="Added volumes of the cavity in ml, in place of pressures.")(made)
-    made = click.option("--pressure-cm", metavar="SERIES", help="Pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177.")(made)
+    made = click.option(
+        "--volume-ml", metavar="SERIES", help="Added volumes of the cavity in ml, in place of pressures."
+    )(made)
+    made = click.option(
+        "--pressure-cm", metavar="SERIES", help="Pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177."
+    )(made)
     return click.command(name=module, context_settings={"help_option_names": ["-h", "--help"]})(made)
 
 
 def execute(
-    case: Callable[[], Case], folder: Callable[[], Path], resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...]
+    case: Callable[[], Case],
+    folder: Callable[[], Path],
+    resume: bool,
+    quiet: bool,
+    no_pictures: bool,
+    petsc: tuple[str, ...],
 ) -> None:
     """Build a case, run it and exit with its status."""
     try:

@@ -33,7 +33,9 @@ def wait_for_cache(folder: Path, tell: Callable[[str], None], stopped: Callable[
         if not ages:
             return
         if not told:
-            tell(f"waiting for another run that is compiling (or was killed so; then {LONGEST - min(ages):.0f} s longer)")
+            tell(
+                f"waiting for another run that is compiling (or was killed so; then {LONGEST - min(ages):.0f} s longer)"
+            )
             told = True
         time.sleep(0.2)
 
@@ -65,7 +67,9 @@ def compiling() -> Iterator[None]:
     try:
         yield
     except TimeoutError as error:
-        raise CompilingError("another run has been compiling the same equations for long; wait for it, then run again") from error
+        raise CompilingError(
+            "another run has been compiling the same equations for long; wait for it, then run again"
+        ) from error
     except Exception as error:
         # cffi's error on one rank; on several, DOLFINx passes on its text.
         if type(error).__name__ != "VerificationError" and "JIT" not in str(error):

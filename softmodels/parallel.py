@@ -36,7 +36,9 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
         petsc4py.init([sys.argv[0], *petsc_options])
     except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be named before PETSc has started
         words = " ".join(petsc_options)
-        raise StartError(f"PETSc does not start with the words {words!r} ({petsc_reason(error)}); check what follows --") from None
+        raise StartError(
+            f"PETSc does not start with the words {words!r} ({petsc_reason(error)}); check what follows --"
+        ) from None
     from mpi4py import MPI
 
     return MPI.COMM_WORLD

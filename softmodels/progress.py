@@ -20,6 +20,7 @@ class Progress:
 
         self.last, self.unit, self.quiet = last, unit, quiet
         self.console = Console(stderr=True, quiet=quiet, highlight=False, soft_wrap=True)
+        self.console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         self.started = time.monotonic()
         self._bar: Any = None
         self._first: float | None = None
@@ -29,7 +30,13 @@ class Progress:
         from rich.progress import Progress as Bar
 
         if self.console.is_terminal and not self.quiet:
-            columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TimeElapsedColumn(),
+                TextColumn("left"),
+                TimeRemainingColumn(),
+            )
             self._bar = Bar(*columns, console=self.console)
             self._task = self._bar.add_task("starting", total=self.last)
             self._bar.start()
@@ -43,8 +50,12 @@ class Progress:
         """One line about what is going on."""
         try:
             self.console.print(text)
-        except (OSError, SystemExit):  # rich ends the program when its reader has gone; a run outlives its log
-            self.console.quiet = True
+        except OSError:
+            self._hush()
+
+    def _hush(self) -> None:
+        """Nobody reads any more, or a log's disk is full: a run outlives its log, where rich would end the program."""
+        self.console.quiet = True
 
     def step(self, row: dict[str, Any], value: float) -> None:
         """One step done: its row of the table, and how far it is towards the last requested value."""

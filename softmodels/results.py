@@ -71,7 +71,12 @@ class Results:
         """Make the folder and take away what an earlier run of this name left in it."""
         self.folder.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(self.steps, ignore_errors=True)
-        for path in (self.heavy, self.folder / f"{self.name}.xdmf", self.folder / "path.csv", self.folder / "summary.json"):
+        for path in (
+            self.heavy,
+            self.folder / f"{self.name}.xdmf",
+            self.folder / "path.csv",
+            self.folder / "summary.json",
+        ):
             path.unlink(missing_ok=True)
         for picture in (*PICTURES, self.name):
             (self.folder / f"{picture}.png").unlink(missing_ok=True)
@@ -111,7 +116,9 @@ class Results:
             raise ResultsError(f"the results in {self.folder} cannot be read ({error})") from error
         self.stored = [found[step] for step in sorted(found)]
 
-    def add(self, row: Mapping[str, Any], fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]) -> None:
+    def add(
+        self, row: Mapping[str, Any], fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]
+    ) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
         number = len(self.stored)
         self.steps.mkdir(exist_ok=True)
@@ -142,7 +149,9 @@ class Results:
         """
         import h5py
 
-        size = sum((self.folder / file).stat().st_size for file in {self.heavy.name, *(stored.file for stored in self.stored)})
+        size = sum(
+            (self.folder / file).stat().st_size for file in {self.heavy.name, *(stored.file for stored in self.stored)}
+        )
         # Asked beforehand, because HDF5 takes a full disk badly: see `replace_hdf5`. All at once may not fit in memory.
         if shutil.disk_usage(self.folder).free < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -184,13 +193,19 @@ class Results:
         points, cells, cell_name = self._shapes
         root = ElementTree.Element("Xdmf", Version="3.0")
         domain = ElementTree.SubElement(root, "Domain")
-        series = ElementTree.SubElement(domain, "Grid", Name=self.name, GridType="Collection", CollectionType="Temporal")
+        series = ElementTree.SubElement(
+            domain, "Grid", Name=self.name, GridType="Collection", CollectionType="Temporal"
+        )
         for stored in self.stored:
             grid = ElementTree.SubElement(series, "Grid", Name=self.name, GridType="Uniform")
             ElementTree.SubElement(grid, "Time", Value=str(stored.row["step"]))
             topology = ElementTree.SubElement(grid, "Topology", TopologyType=cell_name, NumberOfElements=str(cells[0]))
             _item(topology, cells, f"{self.heavy.name}:/mesh/cells", "Int", "8")
-            _item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), (points, 3), f"{self.heavy.name}:/mesh/points")
+            _item(
+                ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"),
+                (points, 3),
+                f"{self.heavy.name}:/mesh/points",
+            )
             for name, kind in FIELDS.items():
                 attribute = ElementTree.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center="Node")
                 shape = (points, 3) if kind == "Vector" else (points,)
@@ -199,7 +214,13 @@ class Results:
         return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
-FIELDS = {"displacement": "Vector", "p": "Scalar", "von_mises_stress": "Scalar", "largest_stretch": "Scalar", "J": "Scalar"}
+FIELDS = {
+    "displacement": "Vector",
+    "p": "Scalar",
+    "von_mises_stress": "Scalar",
+    "largest_stretch": "Scalar",
+    "J": "Scalar",
+}
 """Nodal fields of every step, with XDMF's kind."""
 
 PICTURES = ("apex", "profile", "mesh", "slice")
@@ -222,7 +243,7 @@ def replace(path: Path, fill: Callable[[Path], Any]) -> None:
     aside = path.with_name(f"{path.name}.part")
     try:
         fill(aside)
-        os.replace(aside, path)
+        aside.replace(path)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise

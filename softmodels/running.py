@@ -82,11 +82,18 @@ def run(
     except PETSc.Error as error:
         # What PETSc refuses before anything is solved are the words it was given.
         words = bool(petsc) and not on_root(comm, lambda: results.stored)
-        advice = "check the words after --" if words else "rerun with -- -snes_monitor -ksp_error_if_not_converged to see more"
+        advice = (
+            "check the words after --"
+            if words
+            else "rerun with -- -snes_monitor -ksp_error_if_not_converged to see more"
+        )
         status, message = BAD_INPUT if words else FAILED, f"PETSc stopped ({petsc_reason(error)}); {advice}"
     except OSError as error:
         reason = error.strerror or error
-        status, message = FAILED, f"the results cannot be written ({reason}); make room for them and go on with --resume"
+        status, message = (
+            FAILED,
+            f"the results cannot be written ({reason}); make room for them and go on with --resume",
+        )
     except MemoryError:
         status, message = FAILED, "the machine's memory is full; use a larger --cell-size or --section axisymmetric"
     return on_root(comm, lambda: _close(case, results, status, message, quiet, draw))
@@ -111,8 +118,8 @@ def _interruptible() -> Iterator[list[int]]:
 
 
 def _renew_handlers() -> None:
-    """Put the handlers back in place: Gmsh, when it starts, takes away that of SIGTERM behind Python's back."""
-    for number in STOPS:
+    """Put the handlers back in place: Gmsh, when it starts, takes some away behind Python's back."""
+    for number in (*STOPS, signal.SIGPIPE):
         signal.signal(number, signal.getsignal(number))
 
 
@@ -140,10 +147,15 @@ def _check_same(case: Case, old: Case, folder: Path) -> None:
     """Refuse to go on from a run whose numbers would not be this case's."""
     for field in ("name", "actuator", "material", "control", "formulation", "water_density"):
         if getattr(old, field) != getattr(case, field):
-            raise RunError(f"{folder} holds a run with another {field}; resume with its options, or run without --resume", BAD_INPUT)
+            raise RunError(
+                f"{folder} holds a run with another {field}; resume with its options, or run without --resume",
+                BAD_INPUT,
+            )
     if bool(old.pressures_cm) != bool(case.pressures_cm):
         had = "pressures" if old.pressures_cm else "volumes"
-        raise RunError(f"{folder} holds a run to requested {had}; resume with those, or run without --resume", BAD_INPUT)
+        raise RunError(
+            f"{folder} holds a run to requested {had}; resume with those, or run without --resume", BAD_INPUT
+        )
 
 
 def _drop_between(case: Case, results: Results) -> None:
@@ -183,6 +195,7 @@ def _write(path: Path, text: str) -> None:
 def _mesh(case: Case, path: Path) -> None:
     """Write the mesh file. Gmsh does not tell of a full disk: its file then ends early."""
     case.actuator.write(path)
+    _renew_handlers()
     if MESH_END not in path.read_bytes()[-2 * len(MESH_END) :]:
         path.unlink()
         raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?")
@@ -193,8 +206,8 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
     from softmodels.body import Body, BodyError
     from softmodels.equilibrium import Equilibrium, NoConvergence
     from softmodels.fields import Fields
-    from softmodels.loading import PathEnd, trace
     from softmodels.loading import Path as LoadPath
+    from softmodels.loading import PathEnd, trace
 
     mesh = results.folder / f"{case.name}.msh"
     if not (resumed and mesh.exists()):
@@ -298,7 +311,9 @@ def _stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     for i in sorted({*limits, factorised, max(count - 2, 0), count - 1}):
         record = dict(records[i])
         nodal = results.fields(i, ("displacement", "p")) if is_root(comm) else None
-        state = dataclasses.replace(fields.state(nodal, record.pop("P"), record.pop("V")), iterations=record.pop("iterations"))
+        state = dataclasses.replace(
+            fields.state(nodal, record.pop("P"), record.pop("V")), iterations=record.pop("iterations")
+        )
         points.append(Point(state, Tangent(np.zeros_like(state.w), 0.0, 0.0), **record))
     return points
 
@@ -338,10 +353,14 @@ def _close(case: Case, results: Results, status: int, message: str, quiet: bool,
         except OSError as error:
             status = status or FAILED
             message = message or (
-                f"the steps could not be gathered in one file ({error.strerror or error}); make room and run again with --resume"
+                f"the steps could not be gathered in one file ({error.strerror or error}); "
+                "make room and run again with --resume"
             )
     if message:
-        where = f". The {len(stored)} states up to there are in {results.folder}" if stored and status != BAD_INPUT else ""
+        states = "1 state" if len(stored) == 1 else f"{len(stored)} states"
+        where = (
+            f". The results up to there ({states}) are in {results.folder}" if stored and status != BAD_INPUT else ""
+        )
         print(f"softmodels: {message}{where}", file=sys.stderr)
     elif not quiet:
         row = results.rows[-1]

@@ -40,8 +40,24 @@ class StrainMeasures(Protocol):
     def log(self, x: Any) -> Any: ...
 
 
+class Isochoric:
+    """The invariants with the change of volume taken out, which are the same two lines in UFL and in numpy."""
+
+    J: Any
+    I1: Any
+    I2: Any
+
+    @functools.cached_property
+    def I1_bar(self) -> Any:
+        return self.J ** (-2 / 3) * self.I1
+
+    @functools.cached_property
+    def I2_bar(self) -> Any:
+        return self.J ** (-4 / 3) * self.I2
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
-class Strain:
+class Strain(Isochoric):
     """Strain measures of a UFL deformation gradient ``F`` (3 x 3)."""
 
     F: Any
@@ -67,14 +83,6 @@ class Strain:
         import ufl
 
         return (self.I1**2 - ufl.inner(self.C, self.C)) / 2
-
-    @functools.cached_property
-    def I1_bar(self) -> Any:
-        return self.J ** (-2 / 3) * self.I1
-
-    @functools.cached_property
-    def I2_bar(self) -> Any:
-        return self.J ** (-4 / 3) * self.I2
 
     @functools.cached_property
     def stretches_bar(self) -> tuple[Any, Any, Any]:
@@ -109,7 +117,7 @@ def eigenvalues(A: Any, gap: float = 1e-4) -> tuple[Any, Any, Any]:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class HomogeneousStrain:
+class HomogeneousStrain(Isochoric):
     """Strain measures of principal stretches given as numpy arrays of one shape (real or complex)."""
 
     stretches: tuple[Any, Any, Any]
@@ -128,14 +136,6 @@ class HomogeneousStrain:
     def I2(self) -> Any:
         a, b, c = self.stretches
         return (a * b) ** 2 + (b * c) ** 2 + (c * a) ** 2
-
-    @functools.cached_property
-    def I1_bar(self) -> Any:
-        return self.J ** (-2 / 3) * self.I1
-
-    @functools.cached_property
-    def I2_bar(self) -> Any:
-        return self.J ** (-4 / 3) * self.I2
 
     @functools.cached_property
     def stretches_bar(self) -> tuple[Any, Any, Any]:

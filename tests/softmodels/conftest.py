@@ -7,10 +7,14 @@ import shutil
 import subprocess
 import sys
 import types
+from xml.etree import ElementTree
 
+import h5py
+import numpy as np
 import pytest
 
 DISK = ("-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures")
+SOFT = ("--variant", "shadow", "--pressure-cm", "0,52.5,52.9,60", "--quiet")
 
 
 def start(*arguments, **options):
@@ -40,6 +44,17 @@ def rows(folder):
         ]
 
 
+def readable(folder):
+    """Number of states in a folder, after everything the XDMF refers to has been read."""
+    xdmf = ElementTree.parse(folder / "disk.xdmf")
+    places = {item.text: item.get("Dimensions") for item in xdmf.iter("DataItem")}
+    for place, shape in places.items():
+        name, inside = place.split(":")
+        with h5py.File(folder / name) as file:
+            assert np.isfinite(file[inside][:]).all() and " ".join(map(str, file[inside].shape)) == shape
+    return len(xdmf.findall(".//Time"))
+
+
 def same(found, wanted, tolerance):
     """Whether two tables hold the same numbers, to a share of each column's largest one."""
     assert [row["step"] for row in found] == [row["step"] for row in wanted]
@@ -48,13 +63,17 @@ def same(found, wanted, tolerance):
             assert [row[name] for row in found] == [row[name] for row in wanted]
         elif name != "newton_iterations":
             column = [row[name] for row in wanted]
-            assert [row[name] for row in found] == pytest.approx(column, rel=0, abs=tolerance * max(map(abs, column))), name
+            assert [row[name] for row in found] == pytest.approx(
+                column, rel=0, abs=tolerance * max(map(abs, column))
+            ), name
 
 
 @pytest.fixture(scope="session")
 def runs():
     """The functions of this file: modules of tests cannot import each other."""
-    return types.SimpleNamespace(DISK=DISK, start=start, run=run, disk=disk, rows=rows, same=same)
+    return types.SimpleNamespace(
+        DISK=DISK, SOFT=SOFT, start=start, run=run, disk=disk, rows=rows, readable=readable, same=same
+    )
 
 
 @pytest.fixture(scope="session")
@@ -68,3 +87,10 @@ def whole(tmp_path_factory):
 def whole_copy(whole, tmp_path):
     """The undisturbed run's folder, to be changed."""
     return shutil.copytree(whole[0], tmp_path / "copy")
+
+
+@pytest.fixture(scope="session")
+def limited(tmp_path_factory):
+    """A run past a limit point, which it cannot but meet: its folder, and what it said."""
+    folder = tmp_path_factory.mktemp("limited") / "disk"
+    return folder, disk(folder, *SOFT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import pytest
 
@@ -34,7 +35,9 @@ SMALL = f'{GEOMETRY}[load]\npressure_cm = "0:30"\n'
 @pytest.mark.parametrize("material", MATERIALS, ids=lambda material: f"{material.name}-{material.poisson}")
 @pytest.mark.parametrize("actuator", DISKS, ids=["default", "shadow", "axisymmetric", "slice"])
 def test_case_survives_its_file_to_the_last_bit(material, actuator):
-    by_pressure = Case("a-b.1", actuator, material, (0.0, THIRD, 30.0), water_density=1000 * THIRD, control="arc-length")
+    by_pressure = Case(
+        "a-b.1", actuator, material, (0.0, THIRD, 30.0), water_density=1000 * THIRD, control="arc-length"
+    )
     by_volume = Case("disk", actuator, material, (), (0.1, THIRD), control="volume")
     for case in (by_pressure, by_volume):
         assert Case.from_toml(case.to_toml()) == case
@@ -79,7 +82,7 @@ def test_series_of_requested_values(text, values):
 @pytest.mark.parametrize("step", [0.1, 0.3, 0.7, 1.1, 3.0, 7.0, 59.0, 88.5])
 def test_a_range_ends_at_its_end_once(step):
     values = series(f"0:177:{step}", "pressure")
-    gaps = [after - before for before, after in zip(values, values[1:], strict=False)]
+    gaps = [after - before for before, after in itertools.pairwise(values)]
     assert values[0] == 0.0 and values[-1] == 177.0
     assert gaps[:-1] == pytest.approx([step] * (len(gaps) - 1)) and 1e-9 < gaps[-1] <= step * (1 + 1e-9)
 

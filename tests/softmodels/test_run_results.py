@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -64,14 +66,25 @@ def test_table_has_its_columns_and_every_requested_pressure(runs, whole):
     assert set(COLUMNS) <= set(rows[0]) and [row["step"] for row in rows] == list(range(len(rows)))
     asked = [*(5.0 * i for i in range(36)), 177.0]
     assert [row["pressure_cm"] for row in rows if row["requested"]] == asked
-    assert [row["pressure_Pa"] for row in rows] == pytest.approx([95.124505 * row["pressure_cm"] for row in rows], rel=1e-12)
-    for name in ("pressure_cm", "added_volume_ml", "apex_mm", "max_displacement_mm", "max_stretch", "max_von_mises_kPa"):
+    assert [row["pressure_Pa"] for row in rows] == pytest.approx(
+        [95.124505 * row["pressure_cm"] for row in rows], rel=1e-12
+    )
+    for name in (
+        "pressure_cm",
+        "added_volume_ml",
+        "apex_mm",
+        "max_displacement_mm",
+        "max_stretch",
+        "max_von_mises_kPa",
+    ):
         column = [row[name] for row in rows]
-        assert all(after > before for before, after in zip(column, column[1:], strict=False)), name
+        assert all(after > before for before, after in itertools.pairwise(column)), name
     assert all(row["J_min"] <= 1.0 <= row["J_max"] and row["limit"] == 0 for row in rows)
     assert rows[0]["apex_mm"] == rows[0]["newton_iterations"] == 0 and rows[-1]["newton_iterations"] > 0
     summary = json.loads((folder / "summary.json").read_text())
-    assert summary["status"] == 0 and summary["steps"] == len(rows) and summary["last"]["apex_mm"] == rows[-1]["apex_mm"]
+    assert (
+        summary["status"] == 0 and summary["steps"] == len(rows) and summary["last"]["apex_mm"] == rows[-1]["apex_mm"]
+    )
 
 
 def test_without_a_terminal_every_step_is_a_line(runs, whole):
@@ -88,17 +101,18 @@ def test_values_between_the_requested_ones_rise_too(runs, tmp_path):
     done = runs.disk(tmp_path / "disk", "--volume-ml", "0,1.5,3", "--quiet")
     assert (done.status, done.out, done.err) == (0, "", "")
     rows = runs.rows(tmp_path / "disk")
-    assert len(rows) > 10 and [row["added_volume_ml"] for row in rows if row["requested"]] == pytest.approx([0, 1.5, 3], abs=1e-8)
+    assert len(rows) > 10 and [row["added_volume_ml"] for row in rows if row["requested"]] == pytest.approx(
+        [0, 1.5, 3], abs=1e-8
+    )
     assert sorted(rows, key=lambda row: row["added_volume_ml"]) == rows
 
 
 def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(runs, whole, tmp_path):
     folder = tmp_path / "disk"
     process = runs.start(*runs.DISK, "--output", folder, "--pressure-cm", "0:177:5", "--quiet")
-    while process.poll() is None and not (folder / "disk.xdmf").exists():
-        pass
-    while process.poll() is None and (folder / "disk.xdmf").read_text().count("<Time") < 4:
-        pass
+    written = folder / "disk.xdmf"
+    while process.poll() is None and not (written.exists() and written.read_text().count("<Time") >= 4):
+        time.sleep(0.005)
     process.kill()
     process.communicate(timeout=60)
     steps = (folder / "disk.xdmf").read_text().count("<Time")
@@ -106,7 +120,10 @@ def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(runs, wh
     for found, row in zip(read(runs, folder, 1, 3), (rows[1], rows[3]), strict=True):
         check(found, row, steps)
     during, after = read(runs, folder, 0)[0], read(runs, whole[0], 0, 36)
-    assert during["points"] == after[0]["points"] == after[1]["points"] > 500 and during["cells"] == after[0]["cells"] > 200
+    assert (
+        during["points"] == after[0]["points"] == after[1]["points"] > 500
+        and during["cells"] == after[0]["cells"] > 200
+    )
     rows = runs.rows(whole[0])
     for found, row in zip(after, (rows[0], rows[36]), strict=True):
         check(found, row, 37)
@@ -118,7 +135,9 @@ def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(runs, wh
 def test_a_case_file_repeats_its_run(runs, whole, tmp_path):
     case = Case.from_file(whole[0] / "case.toml")
     assert case.pressures_cm[-1] == 177.0 and len(case.pressures_cm) == 37 and case.actuator.section == "axisymmetric"
-    done = runs.run("-m", "softmodels", "run", whole[0] / "case.toml", "--output", tmp_path / "again", "--no-pictures", "--quiet")
+    done = runs.run(
+        "-m", "softmodels", "run", whole[0] / "case.toml", "--output", tmp_path / "again", "--no-pictures", "--quiet"
+    )
     assert (done.status, done.out, done.err) == (0, "", "")
     assert (tmp_path / "again" / "path.csv").read_bytes() == (whole[0] / "path.csv").read_bytes()
     assert (tmp_path / "again" / "case.toml").read_bytes() == (whole[0] / "case.toml").read_bytes()
