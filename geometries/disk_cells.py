@@ -1,8 +1,8 @@
 """How large the cells of a hollow disk are, and how many of them to expect.
 
 Three rules give the size at a point: never above the disk's cell size; two cells or more through the membrane, the base
-and the wall, however large the cell size; smaller at the membrane's root and along fillets, where the stress peaks. Away from a thin part
-or the root the size grows linearly with distance, so neighbours stay alike.
+and the wall, however large the cell size; smaller at the membrane's root and along fillets, where the stress
+peaks. Away from a thin part or a root the size grows linearly with distance, so neighbours stay alike.
 """
 
 from __future__ import annotations

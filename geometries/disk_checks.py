@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 MOST_CELLS = 5_000_000
 """Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
 
+TALLEST = 5.0
+"""Largest thickness of membrane, base or cavity in radii of the disk."""
+
 NARROWEST = 5.0
 """Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
 
@@ -46,6 +49,12 @@ def _check_shape(disk: HollowDisk) -> None:
             f"fillet is {shown(disk.fillet, 'm')}; with base_fillet {shown(disk.base_fillet, 'm')} it leaves nothing of "
             f"cavity_height, {shown(disk.cavity_height, 'm')}"
         )
+    for part in ("membrane", "base", "cavity_height"):
+        if getattr(disk, part) > TALLEST * disk.outer_radius:
+            raise GeometryError(
+                f"{part} is {shown(getattr(disk, part), 'm')}; more than {TALLEST:g} times the disk's radius, "
+                f"{shown(disk.outer_radius, 'm')}, is no disk and looks like a mistaken unit"
+            )
     if disk.outer_radius > LONGEST:
         raise GeometryError(
             f"wall is {shown(disk.wall, 'm')}; with cavity_radius {shown(disk.cavity_radius, 'm')} the disk's radius "

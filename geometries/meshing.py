@@ -9,6 +9,8 @@ import contextlib
 import dataclasses
 import errno
 import os
+import signal
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,6 +43,9 @@ SETTINGS = {
 }
 """Gmsh options of every mesh, by name."""
 
+
+LAST_WORDS = b"$EndElements"
+"""How a complete mesh file ends."""
 
 LEAST_QUALITY = 0.05
 """Smallest quality (Gmsh's SICN) left alone; below it the mesher tries to improve the cells, at 0 it gives up."""
@@ -83,12 +88,23 @@ def private_model() -> Iterator[None]:
     finally:
         if ours:
             gmsh.finalize()
+            _renew_handlers()
         else:
             gmsh.model.setCurrent(fresh)
             gmsh.model.remove()
             gmsh.model.setCurrent(previous)
             for name, value in before.items():
                 gmsh.option.setNumber(name, value)
+
+
+def _renew_handlers() -> None:
+    """Put Python's signal handlers back: Gmsh, when it starts, takes some away behind Python's back."""
+    if threading.current_thread() is not threading.main_thread():
+        return  # only the main thread may, and only it had any
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGPIPE):
+        handler = signal.getsignal(number)
+        if handler is not None:
+            signal.signal(number, handler)
 
 
 def write_mesh(actuator: Actuator, path: Path) -> Path:
@@ -118,6 +134,9 @@ def write_mesh(actuator: Actuator, path: Path) -> Path:
                     f"Gmsh could not mesh {type(actuator).__name__}: {str(error).strip() or 'no reason given'}; "
                     f"try a larger fillet (or none) or another cell size"
                 ) from error
+        # Gmsh does not tell of a full disk: its file then ends early.
+        if LAST_WORDS not in partial.read_bytes()[-2 * len(LAST_WORDS) :]:
+            raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

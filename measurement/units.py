@@ -39,7 +39,7 @@ def quantity(text: str | float, unit: str) -> float:
     """
     shown = str(text).strip()
     example = {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml"}.get(
-        unit, f"1 {unit}"
+        unit, f"1 {unit}".strip()
     )
     try:
         parsed = _registry().Quantity(shown)

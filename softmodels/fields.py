@@ -131,7 +131,9 @@ class Fields:
         return Figures(
             pressure=state.P * eq.stress_unit,
             added_volume=(state.V - self.rest_volume) * eq.volume_unit,
-            rises={name: total(eq.comm, float(u[node] @ lift) if node >= 0 else 0.0) for name, node in self._probes.items()},
+            rises={
+                name: total(eq.comm, float(u[node] @ lift) if node >= 0 else 0.0) for name, node in self._probes.items()
+            },
             max_displacement=most(np.linalg.norm(u, axis=1)),
             max_stretch=most(stretches),
             max_von_mises=most(stress),

@@ -38,10 +38,16 @@ class Grid:
         here = self.space.tabulate_dof_coordinates()[: self.owned] * equilibrium.length_unit
         everywhere = gathered(self.comm, body.actuator.device_points(here))
         local_cells = plot.vtk_mesh(self.space)[0].reshape(len(equilibrium.cells), -1)[:, 1:]
-        cells = gathered(self.comm, index_map.local_to_global(local_cells.ravel().astype(np.int32)).reshape(local_cells.shape))
+        cells = gathered(
+            self.comm, index_map.local_to_global(local_cells.ravel().astype(np.int32)).reshape(local_cells.shape)
+        )
         numbers = gathered(self.comm, body.mesh.topology.original_cell_index[: len(equilibrium.cells)])
         if everywhere is None:
-            self.points, self.cells, self.order = np.empty((0, 3)), np.empty((0, 0), dtype=np.int64), np.empty(0, dtype=int)
+            self.points, self.cells, self.order = (
+                np.empty((0, 3)),
+                np.empty((0, 0), dtype=np.int64),
+                np.empty(0, dtype=int),
+            )
             return
         # Rounded, so that two ranks' last digits cannot swap neighbours; off the round numbers that meshes like.
         rounded = np.floor(everywhere / equilibrium.length_unit * 1e8 + 0.4142)
@@ -67,7 +73,9 @@ class Grid:
         return scattered(self.comm, back, self.owned)
 
 
-def displacement_maps(equilibrium: Equilibrium, grid: Grid) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:
+def displacement_maps(
+    equilibrium: Equilibrium, grid: Grid
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:
     """Where a state's entries sit on the grid.
 
     Returns:

@@ -267,3 +267,8 @@ def hdf5_reason(error: BaseException) -> str:
     """The operating system's word in one of HDF5's long messages, or the message's first line."""
     found = re.search(r"error message = '([^']+)'", str(error))
     return found[1] if found else str(error).strip().splitlines()[0]
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a small file whole or not at all."""
+    replace(path, lambda aside: aside.write_text(text))

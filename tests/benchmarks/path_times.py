@@ -30,7 +30,8 @@ def main() -> None:
     comm = start()
     goals = [177 * pascal_per_cm() / DEFAULT.shear_modulus]
     if is_root(comm):
-        print(f"{comm.size} rank(s)\n| section | cells | equations, s | path, s | steps | factorisations |\n|---|---|---|---|---|---|")
+        print(f"{comm.size} rank(s)")
+        print("| section | cells | equations, s | path, s | steps | factorisations |\n|---|---|---|---|---|---|")
     for section in ("axisymmetric", "wedge"):
         disk = HollowDisk(section=section)
         with tempfile.TemporaryDirectory() as folder:

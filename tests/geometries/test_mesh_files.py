@@ -50,7 +50,7 @@ def test_gmsh_failure_becomes_a_sentence_and_leaves_no_file(tmp_path, monkeypatc
     import gmsh
 
     def broken(dimension):
-        raise Exception("PLC Error: a segment and a facet intersect")  # noqa: TRY002 (what Gmsh does)
+        raise Exception("PLC Error: a segment and a facet intersect")
 
     monkeypatch.setattr(gmsh.model.mesh, "generate", broken)
     (tmp_path / "flat.msh").write_text("an older mesh")

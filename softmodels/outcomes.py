@@ -1,0 +1,13 @@
+"""How a run can end: exit statuses, and the error that carries one."""
+
+from __future__ import annotations
+
+DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
+
+
+class RunError(RuntimeError):
+    """A run that cannot go on; ``status`` is the exit status, the message a sentence for the user."""
+
+    def __init__(self, message: str, status: int = FAILED):
+        super().__init__(message)
+        self.status = status

@@ -1,0 +1,81 @@
+"""Going on from an interrupted run: may this case continue those results, and from which states."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softmodels.case import Case
+from softmodels.outcomes import BAD_INPUT, RunError
+from softmodels.parallel import is_root, on_root
+from softmodels.results import Results
+
+
+def check_same(case: Case, old: Case, folder: Path) -> None:
+    """Refuse to go on from a run whose numbers would not be this case's."""
+    for field in ("name", "actuator", "material", "control", "formulation", "water_density"):
+        if getattr(old, field) != getattr(case, field):
+            raise RunError(
+                f"{folder} holds a run with another {field}; resume with its options, or run without --resume",
+                BAD_INPUT,
+            )
+    if bool(old.pressures_cm) != bool(case.pressures_cm):
+        had = "pressures" if old.pressures_cm else "volumes"
+        raise RunError(
+            f"{folder} holds a run to requested {had}; resume with those, or run without --resume", BAD_INPUT
+        )
+
+
+def drop_between(case: Case, results: Results) -> None:
+    """Forget the last states if they were solved for between two steps of which the second is missing.
+
+    They are found again, with that step. Going on from one of them would cut the path into other steps.
+    """
+    quantity = "pressure" if case.pressures_cm else "volume"
+    while results.stored:
+        row = results.stored[-1].row
+        if not (row["limit"] or (row["requested"] and row["step"] and row["following"] != quantity)):
+            return
+        results.stored.pop()
+
+
+def check_values(case: Case, results: Results) -> None:
+    """Refuse requested values that the stored states have passed without stopping there."""
+    key, unit = ("pressure_cm", "cm") if case.pressures_cm else ("added_volume_ml", "ml")
+    reached = max((row[key] for row in results.rows), default=0.0)
+    for value in case.pressures_cm or case.volumes_ml:
+        if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
+            raise RunError(
+                f"{results.folder} holds a run that has passed {value:g} {unit} without stopping there; "
+                "resume with its values, or run without --resume",
+                BAD_INPUT,
+            )
+
+
+def stopped_at(results: Results, key: str, value: float) -> bool:
+    """Whether a requested value, by its column of ``path.csv``, is among the stored states."""
+    return any(row["requested"] and math.isclose(row[key], value, rel_tol=1e-6) for row in results.rows)
+
+
+def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
+    """The points a trace goes on from: the first limit point, the last one factorised at, and the last two."""
+    from softmodels.equilibrium import Tangent
+    from softmodels.loading import Point
+
+    records = on_root(comm, lambda: [stored.restart for stored in results.stored])
+    count = len(records)
+    factorised = max(i for i, record in enumerate(records) if record["factorised"])
+    limits = [i for i, record in enumerate(records) if record["limit"]][:1]
+    points = []
+    for i in sorted({*limits, factorised, max(count - 2, 0), count - 1}):
+        record = dict(records[i])
+        nodal = results.fields(i, ("displacement", "p")) if is_root(comm) else None
+        state = dataclasses.replace(
+            fields.state(nodal, record.pop("P"), record.pop("V")), iterations=record.pop("iterations")
+        )
+        points.append(Point(state, Tangent(np.zeros_like(state.w), 0.0, 0.0), **record))
+    return points
