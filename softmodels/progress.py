@@ -23,7 +23,7 @@ class Progress:
         self.console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         self.started = time.monotonic()
         self._bar: Any = None
-        self._first: float | None = None
+        self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> Progress:
         from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -66,7 +66,10 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, completed=max(0.0, min(value, self.last)), description=text)
             return
-        self._first = value if self._first is None else self._first
-        elapsed, gone = time.monotonic() - self.started, value - self._first
-        left = elapsed * (self.last - value) / gone if gone > 0 else None
-        self.say(text + ("" if left is None else f"  {elapsed:6.1f} s, about {max(left, 0.0):.0f} s left"))
+        now = time.monotonic()
+        if self._first is None:
+            self._first = (now, value)  # meshing and compiling come before, and say nothing about the steps' pace
+        since, first = self._first
+        left = (now - since) * (self.last - value) / (value - first) if value > first else None
+        rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
+        self.say(f"{text}  {now - self.started:6.1f} s{rest}")

@@ -64,19 +64,21 @@ def main() -> None:
                 once(name, mesh, args.limit)
         reports = [{name: once(name, mesh, args.limit) for name in RUNS} for _ in range(args.rounds)]
 
-    print("| program | dofs | seconds (median) | times softmodels' | apex at 30 cm, mm |\n|---|---|---|---|---|")
+    print("| program | dofs | seconds (median) | times softmodels' | apex at 30 cm, mm | apex curve off by |")
+    print("|---|---|---|---|---|---|")
     for name in RUNS:
         ours = next(
             other for other in RUNS if other.startswith("softmodels") and other.split(",")[1] == name.split(",")[1]
         )
         good = [(r[name], r[ours]) for r in reports if r[name] and r[ours]]
         if not good:
-            print(f"| {name} | | failed | | |")
+            print(f"| {name} | | failed | | | |")
             continue
         seconds = statistics.median(one["seconds"] for one, _ in good)
         ratio = statistics.median(one["seconds"] / own["seconds"] for one, own in good)
-        last = good[0][0]
-        print(f"| {name} | {last['dofs']} | {seconds:.1f} | {ratio:.1f} | {last['results'][-1]['apex_mm']:.3f} |")
+        curve, own_curve = ([row["apex_mm"] for row in report["results"][1:]] for report in good[0])
+        off = max(abs(a / b - 1) for a, b in zip(curve, own_curve, strict=True))
+        print(f"| {name} | {good[0][0]['dofs']} | {seconds:.1f} | {ratio:.1f} | {curve[-1]:.3f} | {off:.0e} |")
 
 
 if __name__ == "__main__":
