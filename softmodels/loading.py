@@ -208,6 +208,10 @@ class Path:
         elif self.line == "volume" and 0 < softened < SOFTENING / 2:
             self.follow("pressure")
 
+    def ends_past(self, limit: Point) -> bool:
+        """Whether a limit point ends the path: a pressure above it has no state, a volume has one."""
+        return self.control == "auto" and self.quantity == "pressure" and limit.limit
+
     def longest(self) -> float:
         """The longest step allowed, in units of what the path is following."""
         t = self.last.tangent
@@ -335,8 +339,11 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         _check_end(path, met)
         path.choose(met is not None)
         before = path.last
+        step = before.step
+        if met is not None and path.ends_past(met):
+            step = min(step, PAST_LIMIT / 2 * (met.state.V - path.V0))
         try:
-            after = path.advance(before.step, left[0])
+            after = path.advance(step, left[0])
         except PathEnd as end:
             raise PathEnd(str(end), met) from end
         passed = before
@@ -359,7 +366,7 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
 def _check_end(path: Path, met: Point | None) -> None:
     """End a path that has gone far enough past its limit point, or too far altogether."""
     added = path.last.state.V - path.V0
-    if met is not None and path.control == "auto" and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
+    if met is not None and path.ends_past(met) and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
         raise PathEnd("the pressure has a limit point", met)
     if path.quantity == "pressure" and added > FARTHEST * path.V0:
         raise PathEnd(f"the cavity has grown {FARTHEST:g} times and the requested value was not met", met)

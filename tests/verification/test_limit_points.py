@@ -47,7 +47,7 @@ def test_balloon_limit_stretch(balloon, limit):
     assert inner / stretch - 1 == pytest.approx(THIN / 2 * (1 - stretch**-3), rel=0.02)
 
 
-@pytest.mark.parametrize("control", ["volume", "arc-length"])
+@pytest.mark.parametrize("control", ["auto", "volume", "arc-length"])
 def test_other_controls_meet_the_same_limit(balloon, limit, solved, control):
     added = limit.state.V - balloon.rest().V
     _, points, end = solved(balloon, [0.98 * added, added, 1.02 * added, 1.5 * added], control, "volume")
@@ -55,8 +55,16 @@ def test_other_controls_meet_the_same_limit(balloon, limit, solved, control):
     at = [point.state.P for point in points if point.requested]
     assert at[1] == pytest.approx(limit.state.P, rel=1e-9)
     assert at[1] > max(at[0], at[2], at[3])
-    if control == "arc-length":
-        assert [point.state.P for point in points if point.limit] == pytest.approx([limit.state.P], rel=1e-9)
+    _, points, end = solved(balloon, [0.9 * added, 1.5 * added], control, "volume")
+    assert end is None  # a volume past the limit has a state, which no control may refuse
+    assert [point.state.P for point in points if point.limit] == pytest.approx([limit.state.P], rel=1e-9)
+
+
+def test_a_pressure_beyond_the_limit_ends_a_little_past_it(balloon, limit, solved):
+    path, points, _ = solved(balloon, [1.1 * limit.state.P])
+    past = (points[-1].state.V - path.V0) / (limit.state.V - path.V0)
+    assert 1.05 < past < 1.5
+    assert points[-1].state.P < limit.state.P
 
 
 def test_pressure_control_ends_at_the_limit(balloon, limit, solved):
