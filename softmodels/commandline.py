@@ -31,7 +31,7 @@ Examples:
   python -m {module} --pressure-cm {pressures}
   mpirun -n 2 python -m {module} --pressure-cm {pressures}
   python -m {module} --pressure-cm 0:177:10 --section axisymmetric
-  python -m {module} --pressure-cm 0:30 --variant shadow --material ecoflex-00-30
+  python -m {module} --pressure-cm 0:20 --variant shadow --material ecoflex-00-30
   python -m {module} --volume-ml 0:40 --variant shadow --material yeoh --c1 8kPa --c2 90Pa
   python -m {module} --pressure-cm 0:177 -- -snes_monitor -log_view
 
