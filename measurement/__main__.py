@@ -1,0 +1,47 @@
+"""``python -m measurement``: from photographs of a shadow to outlines in metres, on the command line."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import click
+
+COMMANDS = {
+    "calibrate": "measurement.commands_setup",
+    "setup": "measurement.commands_setup",
+    "photos": "measurement.commands_photos",
+    "demo": "measurement.commands_photos",
+}
+"""Commands in the order of their use, and the modules that hold them: imported when asked for, so that help is quick."""
+
+
+class Lazy(click.Group):
+    """A group whose commands are imported on use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        module = COMMANDS.get(cmd_name)
+        found: Any = getattr(importlib.import_module(module), cmd_name, None) if module else None
+        return found if isinstance(found, click.Command) else None
+
+
+@click.group(cls=Lazy, context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Measure shadow photographs of soft actuators.
+
+    Lengths and pressures are written with their unit, such as 9mm or 20kPa. Exit status: 0 done, 1 something could not
+    be measured, 2 the input cannot be used.
+
+    \b
+    Examples:
+      python -m measurement calibrate boards/*.jpg --pattern 9x6 --pitch 25mm -o camera.toml
+      python -m measurement setup grid.jpg --grid-pitch 9mm --lens camera.toml -o setup.toml
+      python -m measurement photos photos.csv --setup setup.toml -o outlines/
+    """
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m measurement")

@@ -1,0 +1,208 @@
+"""The commands ``photos`` and ``demo``: outlines from a list of photographs, and a set of photographs to try it on."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+import click
+
+from measurement.column import DENSITY_ERROR, READING_ERROR, Column, ColumnError
+from measurement.outline import Outline
+from measurement.photo import Refusal
+from measurement.photo_list import Photograph, PhotoListError, read_photos
+from measurement.pixels import TONES, Unmeasurable, read_photograph
+from measurement.series import NoZero, Result, measure_all, zero_line
+from measurement.setup import Setup, SetupError
+from measurement.tracing import AUTO
+from measurement.units import WATER_DENSITY, UnitError, quantity
+from measurement.zero import ZeroLine
+
+ALL_MEASURED, FAILED, UNUSABLE, SOME_REFUSED = 0, 1, 2, 3
+
+HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error_m", "trusted", "remarks")
+
+
+@click.command()
+@click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))
+@click.option("--setup", "setup_file", default=Path("setup.toml"), show_default=True, type=click.Path(path_type=Path),
+              help="Camera and screen, from python -m measurement setup.")  # fmt: skip
+@click.option("-o", "--output", default=Path("outlines"), show_default=True, type=click.Path(path_type=Path))
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
+@click.option("--tone", type=click.Choice([AUTO, *TONES]), default=AUTO, show_default=True,
+              help="How the files store light: as a camera's JPEG, or in proportion; auto looks at the edge.")  # fmt: skip
+@click.option(
+    "--water-density", default=f"{WATER_DENSITY:g}kg/m^3", show_default=True, help="Density of the column's liquid."
+)
+@click.option("--density-error", default=f"{DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error.")
+@click.option("--reading-error", default=f"{READING_ERROR * 1e3:g}mm", show_default=True,
+              help="Standard error of reading one level of the column.")  # fmt: skip
+@click.option("--no-pictures", is_flag=True, help="Leave the pictures and the overview out.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def photos(
+    listing: Path, setup_file: Path, output: Path, jobs: int | None, tone: str, water_density: str, density_error: str,
+    reading_error: str, no_pictures: bool, quiet: bool,
+) -> None:  # fmt: skip
+    """Measure the shadow's outline in every photograph of a list.
+
+    The list is a CSV file with the columns file and pressure (12.5 cm of the column, or 1.2 kPa), or file, left and right
+    (the levels of both tubes), and optionally error. Files are named relative to it, or by their camera's number.
+    One photograph at zero pressure shows the surface from which heights are counted.
+
+    \b
+    Exit status: 0 all measured; 3 some refused, each with its reason; 2 the input cannot be used; 1 nothing measured.
+    """
+    try:
+        column = Column(
+            quantity(water_density, "kg/m^3"), quantity(density_error, "kg/m^3"), quantity(reading_error, "m")
+        )
+        listed = read_photos(listing, column)
+        setup = Setup.from_file(setup_file)
+    except (ColumnError, PhotoListError, SetupError, UnitError) as error:
+        _stop(str(error), UNUSABLE)
+    sys.exit(_run(listed, setup, output, jobs or _cores(), tone, not no_pictures, quiet))
+
+
+def _run(listed: list[Photograph], setup: Setup, output: Path, jobs: int, tone: str, draw: bool, quiet: bool) -> int:
+    try:
+        zero = zero_line(listed, setup, tone)
+    except NoZero as error:
+        _stop(str(error), UNUSABLE if not any(photo.is_zero for photo in listed) else FAILED)
+    edges = output / "edges"
+    try:
+        (edges if draw else output).mkdir(parents=True, exist_ok=True)
+        results = _measure(listed, setup, zero, tone, jobs, edges if draw else None, quiet)
+        _write_numbers(output, results)
+        if draw:
+            _draw(output, results, setup, tone)
+    except OSError as error:
+        _stop(f"the results cannot be written: {error}", UNUSABLE)
+    refused = [result for result in results if isinstance(result.outcome, Refusal)]
+    if not quiet:
+        for result in results:
+            click.echo(_line(result))
+        click.echo(f"{len(results) - len(refused)} of {len(results)} measured; written to {output}")
+    for result in refused:
+        assert isinstance(result.outcome, Refusal)
+        click.echo(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
+    return ALL_MEASURED if not refused else FAILED if len(refused) == len(results) else SOME_REFUSED
+
+
+def _measure(
+    listed: list[Photograph], setup: Setup, zero: ZeroLine, tone: str, jobs: int, edges: Path | None, quiet: bool
+) -> list[Result]:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True, quiet=quiet)
+    with Progress(console=console, disable=quiet or not console.is_terminal, transient=True) as bar:
+        task = bar.add_task("measuring", total=len(listed))
+        return measure_all(listed, setup, zero, tone, jobs, edges, lambda result: bar.advance(task))
+
+
+def _line(result: Result) -> str:
+    outcome, pressure = result.outcome, result.photograph.pressure
+    if isinstance(outcome, Refusal):
+        return f"{result.photograph.file.name}  {pressure:9.1f} Pa  refused"
+    remark = "" if outcome.trusted else f"  not trusted: {'; '.join(outcome.reasons)}"
+    height = f"{outcome.height * 1e3:8.4f} mm +- {outcome.height_error * 1e6:.1f} um"
+    return f"{result.photograph.file.name}  {pressure:9.1f} Pa  {height}{remark}"
+
+
+def _write_numbers(output: Path, results: list[Result]) -> None:
+    with (output / "heights.csv").open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(HEIGHTS)
+        for result in results:
+            photo, outcome = result.photograph, result.outcome
+            first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
+            if isinstance(outcome, Refusal):
+                # A refused photograph must not leave an earlier run's outline behind.
+                (output / f"{result.name}.csv").unlink(missing_ok=True)
+                rows.writerow((*first, "", "", "refused", outcome.reason))
+            else:
+                outcome.to_csv(output / f"{result.name}.csv")
+                told = "yes" if outcome.trusted else "no"
+                values = (f"{outcome.height:.9g}", f"{outcome.height_error:.4g}")
+                rows.writerow((*first, *values, told, "; ".join(outcome.reasons)))
+
+
+def _draw(output: Path, results: list[Result], setup: Setup, tone: str) -> None:
+    from measurement.photo_pictures import draw_steps
+    from measurement.pictures import animate, draw_heights, draw_profiles, measured, write_overview
+    from measurement.tracing import trace_image
+
+    outlines = measured(results)
+    if outlines:
+        draw_profiles(output / "profiles.png", outlines)
+        draw_heights(output / "heights.png", outlines)
+        highest = max((r for r in results if isinstance(r.outcome, Outline)), key=lambda r: r.outcome.height)  # type: ignore[union-attr]
+        try:
+            image = read_photograph(highest.photograph.file)
+            assert isinstance(highest.outcome, Outline)
+            draw_steps(output / "steps.png", image, setup, trace_image(image, setup, tone), highest.outcome)
+        except Unmeasurable as error:  # somebody changed the file meanwhile
+            click.echo(f"{highest.photograph.file.name}: no picture of its steps, {error}", err=True)
+        by_pressure = sorted(results, key=lambda result: result.photograph.pressure)
+        shown = [output / "edges" / f"{r.name}.png" for r in by_pressure if isinstance(r.outcome, Outline)]
+        animate(output / "animation.gif", [file for file in shown if file.is_file()])
+    write_overview(output / "overview.html", results, output)
+
+
+@click.command()
+@click.option("-o", "--output", default=Path("demo"), show_default=True, type=click.Path(path_type=Path))
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def demo(output: Path, jobs: int | None, quiet: bool) -> None:
+    """Make a set of synthetic photographs, measure them, and say where the pictures are."""
+    from measurement.demo import make_photographs
+
+    try:
+        make_photographs(output / "photographs")
+    except OSError as error:
+        _stop(f"the photographs cannot be written: {error}", UNUSABLE)
+    folder = output / "photographs"
+    words = [
+        [
+            "setup",
+            str(folder / "IMG_0100.JPG"),
+            "--grid-pitch",
+            "9mm",
+            "--lens",
+            "none",
+            "-o",
+            str(output / "setup.toml"),
+        ],
+        ["photos", str(folder / "photos.csv"), "--setup", str(output / "setup.toml"), "-o", str(output / "outlines")],
+    ]
+    from measurement.commands_setup import setup
+
+    for command, (name, *rest) in zip((setup, photos), words, strict=True):
+        if not quiet:
+            click.echo(f"$ python -m measurement {name} {' '.join(rest)}")
+        more = (["--jobs", str(jobs)] if jobs else []) + (["--quiet"] if quiet else []) if name == "photos" else []
+        status = _status(command, rest + more)
+        if status != 0:
+            sys.exit(status)
+    if not quiet:
+        click.echo(f"Look at {output / 'outlines' / 'overview.html'}")
+
+
+def _status(command: click.Command, words: list[str]) -> int:
+    try:
+        command.main(words, standalone_mode=False)
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _stop(sentence: str, status: int) -> NoReturn:
+    click.echo(f"Error: {sentence}", err=True)
+    sys.exit(status)

@@ -1,0 +1,153 @@
+"""The outline of a shadow in metres, each point with its standard error, and its file."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+COLUMNS = "x_m,z_m,error_m"
+
+
+class OutlineError(ValueError):
+    """Points that make no outline, or a file that holds none; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Outline:
+    """The outline of the shadow at one pressure.
+
+    Attributes:
+        x: Places along the undeformed surface in m, rising, shape (n,).
+        z: Heights above it in m, shape (n,).
+        error: Standard error of each point across the outline in m, shape (n,): edge, grid fit, lens, magnification and
+            zero line together. Neighbouring points share part of it.
+        pressure: Pressure in Pa.
+        pressure_error: Its standard error in Pa.
+        source: Where it comes from, such as the photograph's file name.
+        trusted: Whether nothing speaks against it.
+        reasons: What speaks against it, one sentence each; empty if trusted.
+
+    Raises:
+        OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, or x not sorted.
+    """
+
+    x: Array
+    z: Array
+    error: Array
+    pressure: float
+    pressure_error: float
+    source: str
+    trusted: bool = True
+    reasons: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("x", "z", "error"):
+            values = np.array(getattr(self, name), dtype=np.float64)  # a copy, so that nobody changes it from outside
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+        if self.x.ndim != 1 or len(self.x) == 0 or self.x.shape != self.z.shape or self.x.shape != self.error.shape:
+            raise OutlineError(f"{self.source}: an outline needs as many x as z and errors, and at least one")
+        if not all(np.isfinite(values).all() for values in (self.x, self.z, self.error)):
+            raise OutlineError(f"{self.source}: a point of the outline is not finite")
+        if not (self.error > 0.0).all():
+            raise OutlineError(f"{self.source}: a standard error is not positive")
+        if (np.diff(self.x) < 0.0).any():
+            raise OutlineError(f"{self.source}: the points are not sorted along x")
+        if not math.isfinite(self.pressure) or not (math.isfinite(self.pressure_error) and self.pressure_error >= 0.0):
+            raise OutlineError(
+                f"{self.source}: the pressure or its standard error is not finite, or the error is negative"
+            )
+        if self.trusted == bool(self.reasons):
+            raise OutlineError(f"{self.source}: an outline has reasons exactly where it is not trusted")
+
+    @property
+    def apex(self) -> int:
+        """Index of the highest point."""
+        return int(np.argmax(self.z))
+
+    @property
+    def height(self) -> float:
+        """Height of the top in m: the mean of the points within two standard errors of the highest one.
+
+        The highest of many points is the one whose own error pointed up; its neighbours take most of that out.
+        """
+        top = self.z >= self.z[self.apex] - 2.0 * self.error[self.apex]
+        return float(self.z[top].mean())
+
+    @property
+    def height_error(self) -> float:
+        """Standard error of `height` in m."""
+        return float(self.error[self.apex])
+
+    def to_csv(self, path: Path) -> None:
+        """Write the outline: comment lines with ``#``, a header, a row per point."""
+        notes = [
+            f"pressure_Pa = {self.pressure!r}",
+            f"pressure_error_Pa = {self.pressure_error!r}",
+            f"source = {' '.join(self.source.split())}",
+            f"trusted = {'yes' if self.trusted else 'no'}",
+            *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
+        ]
+        rows = [f"{x:.9g},{z:.9g},{error:.4g}" for x, z, error in zip(self.x, self.z, self.error, strict=True)]
+        text = "\n".join([*(f"# {note}" for note in notes), COLUMNS, *rows]) + "\n"
+        Path(path).write_text(text, encoding="utf-8")
+
+    @classmethod
+    def from_csv(cls, path: Path) -> Outline:
+        """Read what `to_csv` wrote.
+
+        Raises:
+            OutlineError: No such file, a missing comment line, or a row that is not three numbers.
+        """
+        path = Path(path)
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise OutlineError(f"{path} cannot be read: {error}") from None
+        notes: dict[str, str] = {}
+        reasons: list[str] = []
+        rows: list[list[float]] = []
+        for number, line in enumerate(lines, 1):
+            if line.startswith("#"):
+                name, _, value = line[1:].partition("=")
+                if name.strip() == "reason":
+                    reasons.append(value.strip())
+                notes[name.strip()] = value.strip()
+            elif line.strip() and line.strip() != COLUMNS:
+                rows.append(_row(path, number, line))
+        try:
+            pressure, pressure_error = float(notes["pressure_Pa"]), float(notes["pressure_error_Pa"])
+        except KeyError as error:
+            raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
+        except ValueError:
+            raise OutlineError(f"{path}: pressure_Pa or pressure_error_Pa is not a number") from None
+        points = np.array(rows, dtype=np.float64).reshape(-1, 3)
+        trusted = notes.get("trusted", "no") == "yes"
+        if not trusted and not reasons:
+            reasons = ["its file does not say that it can be trusted"]
+        return cls(
+            points[:, 0],
+            points[:, 1],
+            points[:, 2],
+            pressure,
+            pressure_error,
+            notes.get("source", path.name),
+            trusted,
+            tuple(reasons),
+        )
+
+
+def _row(path: Path, number: int, line: str) -> list[float]:
+    try:
+        values = [float(word) for word in line.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3:
+        raise OutlineError(f"{path}, line {number}: {line.strip()!r} is not three numbers ({COLUMNS})")
+    return values

@@ -1,0 +1,139 @@
+"""All photographs of a list: the zero plane first, then every one of them, in processes of their own."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import multiprocessing
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+
+from measurement.outline import Outline
+from measurement.photo import Refusal, find_zero, outline_of
+from measurement.photo_list import Photograph
+from measurement.pixels import Unmeasurable, read_photograph
+from measurement.setup import Setup
+from measurement.tracing import AUTO, trace_image
+from measurement.zero import ZeroLine
+
+
+class NoZero(ValueError):
+    """No photograph gives a zero plane; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Result:
+    """What became of one photograph.
+
+    Attributes:
+        photograph: Its row of the list.
+        outcome: Its outline, or why there is none.
+        name: Stem of its files in the output folder.
+    """
+
+    photograph: Photograph
+    outcome: Outline | Refusal
+    name: str
+
+
+def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO) -> ZeroLine:
+    """The undeformed surface: the setup's two points, or else the photograph whose pressure is nearest to zero.
+
+    Raises:
+        NoZero: Neither the setup nor the photographs have one, with the reason.
+    """
+    if setup.zero is not None:
+        return ZeroLine.through(setup.zero)
+    candidates = sorted((photo for photo in photographs if photo.is_zero), key=lambda photo: abs(photo.pressure))
+    if not candidates:
+        raise NoZero(
+            "nothing tells the undeformed surface: list a photograph at zero pressure, or give two points of it to the setup "
+            "(--zero)"
+        )
+    reasons = []
+    for photo in candidates:
+        try:
+            return find_zero(photo.file, setup, tone)
+        except Unmeasurable as error:
+            reasons.append(f"{photo.file.name}: {error}")
+    raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
+
+
+def measure_all(
+    photographs: Sequence[Photograph],
+    setup: Setup,
+    zero: ZeroLine,
+    tone: str = AUTO,
+    jobs: int = 1,
+    pictures: Path | None = None,
+    done: Callable[[Result], None] = lambda result: None,
+) -> list[Result]:
+    """Measure every photograph.
+
+    Args:
+        photographs: The list.
+        setup: Camera and screen.
+        zero: The undeformed surface.
+        tone: How the files store light.
+        jobs: Processes at a time.
+        pictures: Folder for a picture of each photograph with its edge; None for none.
+        done: Called after each photograph.
+
+    Returns:
+        One result per photograph, in the list's order.
+    """
+    names = _names(photographs)
+    work = [(photo, name, setup, zero, tone, pictures) for photo, name in zip(photographs, names, strict=True)]
+    results: dict[str, Result] = {}
+    if jobs <= 1 or len(work) == 1:
+        for task in work:
+            result = _measure_one(*task)
+            results[result.name] = result
+            done(result)
+    else:
+        # Fresh processes: a fork would copy the threads' locks of OpenCV and of the terminal's progress bar.
+        context = multiprocessing.get_context("spawn")
+        with concurrent.futures.ProcessPoolExecutor(min(jobs, len(work)), context, initializer=_alone) as pool:
+            for future in concurrent.futures.as_completed([pool.submit(_measure_one, *task) for task in work]):
+                result = future.result()
+                results[result.name] = result
+                done(result)
+    return [results[name] for name in names]
+
+
+def _alone() -> None:
+    cv2.setNumThreads(1)  # the processes share the cores already
+
+
+def _measure_one(
+    photo: Photograph, name: str, setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None
+) -> Result:
+    image, traced = None, None
+    outcome: Outline | Refusal
+    try:
+        image = read_photograph(photo.file, (setup.camera.width, setup.camera.height))
+        traced = trace_image(image, setup, tone)
+        outcome = outline_of(traced, setup, zero, photo.pressure, photo.pressure_error, photo.file.name)
+    except Unmeasurable as error:
+        outcome = Refusal(str(error), photo.file)
+    except Exception as error:  # one odd photograph must not take the others with it
+        outcome = Refusal(f"it led to an unforeseen failure ({type(error).__name__}: {error})", photo.file)
+    if pictures is not None and image is not None:
+        from measurement.photo_pictures import draw_edge
+
+        draw_edge(pictures / f"{name}.png", image, setup, traced, outcome, photo.pressure)
+    return Result(photo, outcome, name)
+
+
+def _names(photographs: Sequence[Photograph]) -> list[str]:
+    """A stem per photograph; the whole file name where two would share one."""
+    stems = [photo.file.stem for photo in photographs]
+    names: list[str] = []
+    for photo, stem in zip(photographs, stems, strict=True):
+        name = stem if stems.count(stem) == 1 else photo.file.name.replace(".", "_")
+        while name in names:
+            name += "_"
+        names.append(name)
+    return names

@@ -1,0 +1,287 @@
+"""From one photograph to the shadow's edge on the screen, with every check that needs no zero plane."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import savgol_filter
+
+from measurement.edge import Edge, Transmission, coarse_contour, refine_edge
+from measurement.pixels import TONES, Pixels, Unmeasurable, read_photograph, sample_light
+from measurement.screen import GridLook, look_at_grid
+from measurement.setup import Setup
+from measurement.shadow import CoarseShadow, check_exposure, find_shadow
+from measurement.smoothing import robust_loess
+
+Array = npt.NDArray[np.float64]
+
+COARSE = 640
+"""Longer side in px of the small version in which the shadow is found."""
+
+WIDEST_LINE = 0.1
+"""Greatest width of a grid line in pitches that is told from shadow."""
+
+WIDEST_EDGE = 300e-6
+"""Greatest standard deviation in m of penumbra and blur together; beyond, half of the light is no longer a place."""
+
+MOVED = 15e-6
+"""Movement of the screen's picture in m since the setup from which a photograph is refused, or `MOVED_PX` if that is more."""
+
+MOVED_PX = 0.5
+GRID_SEEN = 0.4
+"""Least share of the grid's expected lines that must be visible."""
+
+GRID_REST = 60e-6
+"""Greatest scatter in m of the grid's lines about where they should be, or `GRID_REST_PX` if that is more."""
+
+GRID_REST_PX = 1.5
+
+BLANK = 0.985
+"""Light of a channel from which it is taken as saturated."""
+
+NOISIEST = 50e-6
+"""Greatest median standard error in m of the points of an edge."""
+
+FEWEST_POINTS = 40
+
+AUTO = "auto"
+SYMMETRIC, ASYMMETRIC = 1e-3, 6e-3
+"""Misfit of the edge's mean profile up to which its tone is right for sure, and from which none is known to be right."""
+
+TONE_SHIFT, TONE_HARM = 0.4, 5e-6
+"""Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
+
+REPEATED = 1.5
+"""Neighbouring stations share noise (JPEG's blocks, dust), so a smoothed point is this much worse than if they did not."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Traced:
+    """The edge of a shadow on the screen.
+
+    Attributes:
+        edge: The edge as it was found, in px.
+        px: The smoothed edge in px, shape (n, 2).
+        error_px: Standard error of the smoothed edge in px, shape (n,).
+        points: The smoothed edge in m, shape (n, 2).
+        normals: Unit vectors across it on the screen, from shadow to light, shape (n, 2).
+        spacing: Distance in m to the next point, shape (n - 1,).
+        rim: Places in m where the shadow meets the frame or the region of interest, shape (m, 2).
+        moved: Movement in m of the screen's picture since the setup; NaN where there is no grid.
+        scale: Length in m of a pixel in the middle.
+        coarse: The shadow in the small version.
+        roi: Region x0, y0, x1, y1 in px that was looked at.
+        tone: How the file stores light.
+        doubts: What speaks against trusting it, one sentence each.
+    """
+
+    edge: Edge
+    px: Array
+    error_px: Array
+    points: Array
+    normals: Array
+    spacing: Array
+    rim: Array
+    moved: float
+    scale: float
+    coarse: CoarseShadow
+    roi: tuple[int, int, int, int]
+    tone: str
+    doubts: tuple[str, ...] = ()
+
+
+def trace(file: Path, setup: Setup, tone: str = AUTO) -> Traced:
+    """Find the edge of the shadow in a photograph.
+
+    Args:
+        file: The photograph.
+        setup: Camera and screen.
+        tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
+
+    Raises:
+        Unmeasurable: The photograph must not be measured; the message is the reason.
+    """
+    return trace_image(read_photograph(file, (setup.camera.width, setup.camera.height)), setup, tone)
+
+
+def trace_image(image: Pixels, setup: Setup, tone: str = AUTO) -> Traced:
+    """`trace` of a picture (h, w, 3) that has been read already.
+
+    A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
+    by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is symmetric.
+    """
+    if tone != AUTO:
+        return _trace(image, setup, tone)
+    first = _trace(image, setup, "srgb")
+    if first.edge.shape_misfit <= SYMMETRIC:
+        return first
+    second = _trace(image, setup, "linear")
+    best, other = sorted((first, second), key=lambda traced: traced.edge.shape_misfit)
+    moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
+    doubts = []
+    if not best.edge.shape_misfit < ASYMMETRIC or other.edge.shape_misfit < 1.5 * best.edge.shape_misfit:
+        doubts.append(
+            f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
+        )
+    return dataclasses.replace(best, doubts=tuple(doubts) if moved > TONE_HARM else ())
+
+
+def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
+    light = TONES[tone]
+    roi = _region(image, setup)
+    x0, y0, x1, y1 = roi
+    factor = max(1.0, max(x1 - x0, y1 - y0) / COARSE)
+    size = (max(8, round((x1 - x0) / factor)), max(8, round((y1 - y0) / factor)))
+    small = cv2.resize(image[y0:y1, x0:x1], size, interpolation=cv2.INTER_AREA)
+    scale = _scale(setup, roi)
+    pitch_px = 0.0 if setup.grid_pitch is None else setup.grid_pitch / setup.magnification / scale / factor
+    known = None if setup.shadow_colour is None else light[np.rint(np.array(setup.shadow_colour)).astype(int)]
+    check_exposure(light[small])
+    coarse = find_shadow(light[small], WIDEST_LINE * pitch_px, known)
+    lit = cv2.erode((~coarse.dark).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    moved, look = np.nan, None
+    if setup.grid_pitch is not None:
+        look = look_at_grid(image, setup, setup.grid_pitch, roi, lit, light)
+        moved = _check_grid(look, setup, scale)
+    contour = coarse_contour(coarse.mask, coarse.share, factor, (x0, y0))
+    edge = refine_edge(image, contour, coarse.colour, _ink(look, setup, roi), factor, light)
+    edge = edge[_inside(edge.px, roi)]
+    if len(edge.px) < FEWEST_POINTS:
+        raise Unmeasurable(
+            f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed"
+        )
+    _check_edge(image, edge, setup, light)
+    px, error_px = _smoothed(edge)
+    points = setup.to_metres(px)
+    if not np.isfinite(points).all():
+        raise Unmeasurable("the shadow lies where the lens correction is not defined")
+    slope = setup.jacobian(px)
+    normals = np.linalg.solve(np.swapaxes(slope, 1, 2), edge.normal[..., None])[..., 0]
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    typical = float(np.median(setup.error(px, error_px, normals)))
+    if typical > NOISIEST:
+        raise Unmeasurable(f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um")
+    rim = _rim(coarse.mask, roi, setup)
+    return Traced(edge, px, error_px, points, normals, spacing, rim, moved, scale, coarse, roi, tone)
+
+
+def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
+    height, width = image.shape[:2]
+    if (width, height) != (setup.camera.width, setup.camera.height):
+        raise Unmeasurable(
+            f"it has {width} x {height} pixels where the setup has {setup.camera.width} x {setup.camera.height}"
+        )
+    x0, y0, x1, y1 = (0, 0, width, height) if setup.roi is None else (round(value) for value in setup.roi)
+    if min(x1 - x0, y1 - y0) < 64:
+        raise Unmeasurable("the region of interest is smaller than 64 pixels")
+    return x0, y0, x1, y1
+
+
+def _scale(setup: Setup, roi: tuple[int, int, int, int]) -> float:
+    """Length in m of a pixel in the middle of the region, in the object's plane."""
+    middle = np.array([[0.5 * (roi[0] + roi[2]), 0.5 * (roi[1] + roi[3])]])
+    return float(np.sqrt(np.abs(np.linalg.det(setup.jacobian(middle)[0]))))
+
+
+def _check_grid(look: GridLook, setup: Setup, scale: float) -> float:
+    if look.seen < GRID_SEEN or len(look.shift) < 24:
+        raise Unmeasurable(
+            f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
+            "moved, or the grid cannot be seen"
+        )
+    moved, rest = (value / setup.magnification for value in look.movement())
+    if not moved <= max(MOVED, MOVED_PX * scale):
+        raise Unmeasurable(f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup")
+    if not rest <= max(GRID_REST, GRID_REST_PX * scale):
+        raise Unmeasurable(
+            f"the grid's lines lie {rest * 1e6:.0f} um off: the screen has bent, or this is another setup"
+        )
+    return moved
+
+
+def _ink(look: GridLook | None, setup: Setup, roi: tuple[int, int, int, int]) -> Transmission | None:
+    """What the ink lets through at pixels; the map to the screen is taken straight within each profile."""
+    if look is None or not look.shift.size:
+        return None
+    # A cubic through a lattice is exact to far less than a line's edge, and quick for a million samples.
+    x0, y0, x1, y1 = roi
+    columns, rows = np.linspace(x0, x1 - 1, 65), np.linspace(y0, y1 - 1, 65)
+    lattice = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    places = setup.to_metres(lattice).reshape(65, 65, 2) * setup.magnification
+    table = np.ascontiguousarray(np.nan_to_num(places, nan=1.0), dtype=np.float64)
+
+    def through(points: Array) -> Array:
+        flat = points.reshape(-1, 2)
+        return look.transmission(_bilinear(table, (flat - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * 64.0)).reshape(
+            points.shape[:-1]
+        )
+
+    return through
+
+
+def _bilinear(table: Array, at: Array) -> Array:
+    at = np.clip(at, 0.0, 64.0)
+    cell = np.minimum(at.astype(np.int64), 63)
+    u, v = (at - cell).T
+    i, j = cell[:, 1], cell[:, 0]
+    return (
+        table[i, j] * ((1 - u) * (1 - v))[:, None] + table[i, j + 1] * (u * (1 - v))[:, None]
+        + table[i + 1, j] * ((1 - u) * v)[:, None] + table[i + 1, j + 1] * (u * v)[:, None]
+    )  # fmt: skip
+
+
+def _inside(px: Array, roi: tuple[int, int, int, int]) -> npt.NDArray[np.bool_]:
+    return ((px >= roi[:2]) & (px <= np.array(roi[2:]) - 1)).all(axis=1)
+
+
+def _check_edge(image: Pixels, edge: Edge, setup: Setup, light: npt.NDArray[np.float32]) -> None:
+    slope = setup.jacobian(edge.px)
+    width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
+    wide = float(np.percentile(width, 90))
+    if wide > WIDEST_EDGE:
+        raise Unmeasurable(
+            f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {WIDEST_EDGE * 1e6:.0f} um"
+        )
+    beside = sample_light(image, edge.px + 3.0 * edge.width[:, None] * edge.normal, light)
+    blank = float(np.mean(np.nanmax(beside, axis=1) > BLANK))
+    if blank > 0.1:
+        raise Unmeasurable(
+            f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which moves the edge"
+        )
+
+
+def _smoothed(edge: Edge) -> tuple[Array, Array]:
+    """The edge along its own length as robust loess sees it, and its standard error in px."""
+    arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))]
+    arc = arc + np.arange(len(arc)) * 1e-9  # strictly rising even where two points coincide
+    # Loess sees distances across a plain local quadratic through the points: along the edge there is nothing to smooth,
+    # and an edge that runs along the pixels would leave it nothing but rounding errors.
+    guide = savgol_filter(edge.px, min(21, (len(arc) - 1) // 2 * 2 + 1), 2, axis=0)
+    turn = np.gradient(guide, axis=0)
+    across = np.column_stack([turn[:, 1], -turn[:, 0]]) / np.maximum(np.linalg.norm(turn, axis=1), 1e-12)[:, None]
+    offset = np.einsum("ni,ni->n", edge.px - guide, across)
+    smooth = robust_loess(arc, offset)
+    px = guide + smooth.value[:, None] * across
+    off = np.abs(offset - smooth.value)
+    window = min(61, len(off) // 2 * 2 - 1)
+    padded = np.pad(off, window // 2, mode="reflect")
+    # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
+    local = 1.4826 * np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
+    gain = float(np.median(smooth.error / smooth.scatter))
+    return px, REPEATED * gain * np.maximum(edge.error, local)
+
+
+def _rim(mask: npt.NDArray[np.bool_], roi: tuple[int, int, int, int], setup: Setup) -> Array:
+    """Places in m of the region's rim that lie in the shadow."""
+    rim = np.zeros_like(mask)
+    rim[[0, -1], :] = mask[[0, -1], :]
+    rim[:, [0, -1]] = mask[:, [0, -1]]
+    rows, columns = np.nonzero(rim)
+    scale = (np.array(roi[2:]) - roi[:2]) / np.array(mask.shape[::-1])
+    places = setup.to_metres((np.column_stack([columns, rows]) + 0.5) * scale - 0.5 + roi[:2])
+    return places[np.isfinite(places).all(axis=1)]
