@@ -78,7 +78,7 @@ def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
     axes.set_title(f"Outlines at {len(outlines)} pressures{weak}")
     axes.grid(alpha=0.3)
     figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="pressure in kPa")
-    figure.savefig(path)
+    figure.savefig(path, bbox_inches="tight")  # equal scales leave the label outside otherwise
 
 
 def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
