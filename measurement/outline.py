@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from pathlib import Path
 
@@ -71,19 +72,32 @@ class Outline:
         """Index of the highest point."""
         return int(np.argmax(self.z))
 
+    @functools.cached_property
+    def _top(self) -> slice:
+        """The points next to the highest one that lie in the top 2 % of the height, or no lower than their errors."""
+        low = self.z < self.z[self.apex] - max(6.0 * self.error[self.apex], 0.02 * abs(self.z[self.apex]))
+        left, right = np.nonzero(low[: self.apex])[0], np.nonzero(low[self.apex :])[0]
+        return slice(left[-1] + 1 if len(left) else 0, self.apex + right[0] if len(right) else len(self.x))
+
     @property
     def height(self) -> float:
-        """Height of the top in m: the mean of the points within two standard errors of the highest one.
+        """Height of the top in m: that of the parabola through the points around it.
 
-        The highest of many points is the one whose own error pointed up; its neighbours take most of that out.
+        The highest of many points is the one whose own error pointed up; its neighbours take that out.
         """
-        top = self.z >= self.z[self.apex] - 2.0 * self.error[self.apex]
-        return float(self.z[top].mean())
+        x, z, weight = self.x[self._top] - self.x[self.apex], self.z[self._top], 1.0 / self.error[self._top]
+        if len(x) < 8 or not np.ptp(x) > 0.0:
+            return float(np.average(z, weights=weight**2))
+        curve = np.polynomial.Polynomial.fit(x, z, 2, w=weight)
+        summit = curve.deriv().roots()
+        if curve.convert().coef[-1] < 0.0 and x[0] <= summit[0] <= x[-1]:
+            return float(curve(summit[0]))
+        return float(np.average(z, weights=weight**2))  # flat, or so nearly that its bend is noise
 
     @property
     def height_error(self) -> float:
-        """Standard error of `height` in m."""
-        return float(self.error[self.apex])
+        """Standard error of `height` in m; most of it is common to the points around the top."""
+        return float(np.median(self.error[self._top]))
 
     def to_csv(self, path: Path) -> None:
         """Write the outline: comment lines with ``#``, a header, a row per point."""

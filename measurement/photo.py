@@ -63,7 +63,8 @@ def measure(
         tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
     """
     try:
-        return outline_of(trace(file, setup, tone), setup, zero, pressure, pressure_error, Path(file).name)
+        traced = trace(file, setup, tone, zero.tone)
+        return outline_of(traced, setup, zero, pressure, pressure_error, Path(file).name)
     except Unmeasurable as error:
         return Refusal(str(error), Path(file))
 
@@ -80,7 +81,8 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
 def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     """`find_zero` of an edge that has been traced already."""
     errors = setup.error(traced.px, traced.error_px, traced.normals)
-    return ZeroLine.fit(traced.points, traced.normals, errors)
+    line = ZeroLine.fit(traced.points, traced.normals, errors)
+    return dataclasses.replace(line, tone=traced.tone, doubts=traced.doubts)
 
 
 def outline_of(
@@ -107,7 +109,12 @@ def outline_of(
     _check_shape(placed, above, upwards, error)
     kept = np.nonzero(above)[0]
     first, last = kept[0], kept[-1]
-    reasons = list(traced.doubts)
+    reasons = [*traced.doubts, *(f"of the zero plane's photograph: {doubt}" for doubt in zero.doubts)]
+    if zero.tone and zero.tone != traced.tone:
+        reasons.append(
+            f"it seems to store light as {traced.tone} where the zero plane's photograph has {zero.tone}; tell which it is "
+            "with --tone"
+        )
     inner = placed[first : last + 1]
     missing = _largest_gap(inner, above[first : last + 1])
     if missing > LARGEST_GAP:

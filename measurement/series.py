@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
 import dataclasses
 import multiprocessing
 from collections.abc import Callable, Sequence
@@ -15,8 +16,11 @@ from measurement.photo import Refusal, find_zero, outline_of
 from measurement.photo_list import Photograph
 from measurement.pixels import Unmeasurable, read_photograph
 from measurement.setup import Setup
-from measurement.tracing import AUTO, trace_image
+from measurement.tracing import AUTO, trace, trace_image
 from measurement.zero import ZeroLine
+
+MOST_ASKED = 4
+"""Photographs that are asked for the tone where the zero plane's does not tell it."""
 
 
 class NoZero(ValueError):
@@ -55,10 +59,22 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
     reasons = []
     for photo in candidates:
         try:
-            return find_zero(photo.file, setup, tone)
+            line = find_zero(photo.file, setup, tone)
+            # A surface that lies along a grid line does not tell how the camera stores light; a bent one does.
+            return find_zero(photo.file, setup, clear_tone(photographs, setup)) if line.doubts else line
         except Unmeasurable as error:
             reasons.append(f"{photo.file.name}: {error}")
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
+
+
+def clear_tone(photographs: Sequence[Photograph], setup: Setup) -> str:
+    """How the camera stores light by the first of the highest photographs whose edge tells it; ``"auto"`` if none does."""
+    for photo in sorted(photographs, key=lambda photo: photo.pressure, reverse=True)[:MOST_ASKED]:
+        with contextlib.suppress(Unmeasurable):
+            traced = trace(photo.file, setup)
+            if not traced.doubts:
+                return traced.tone
+    return AUTO
 
 
 def measure_all(
@@ -114,7 +130,7 @@ def _measure_one(
     outcome: Outline | Refusal
     try:
         image = read_photograph(photo.file, (setup.camera.width, setup.camera.height))
-        traced = trace_image(image, setup, tone)
+        traced = trace_image(image, setup, tone, zero.tone)
         outcome = outline_of(traced, setup, zero, photo.pressure, photo.pressure_error, photo.file.name)
     except Unmeasurable as error:
         outcome = Refusal(str(error), photo.file)

@@ -52,6 +52,9 @@ AUTO = "auto"
 SYMMETRIC, ASYMMETRIC = 1e-3, 6e-3
 """Misfit of the edge's mean profile up to which its tone is right for sure, and from which none is known to be right."""
 
+TELLING = 1.5
+"""Ratio of the misfits from which one tone is right and the other wrong."""
+
 TONE_SHIFT, TONE_HARM = 0.4, 5e-6
 """Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
 
@@ -94,22 +97,23 @@ class Traced:
     doubts: tuple[str, ...] = ()
 
 
-def trace(file: Path, setup: Setup, tone: str = AUTO) -> Traced:
+def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
     """Find the edge of the shadow in a photograph.
 
     Args:
         file: The photograph.
         setup: Camera and screen.
         tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
+        likely: The tone of other photographs of the run, for where the edge does not tell its own.
 
     Raises:
         Unmeasurable: The photograph must not be measured; the message is the reason.
     """
-    return trace_image(read_photograph(file, (setup.camera.width, setup.camera.height)), setup, tone)
+    return trace_image(read_photograph(file, (setup.camera.width, setup.camera.height)), setup, tone, likely)
 
 
-def trace_image(image: Pixels, setup: Setup, tone: str = AUTO) -> Traced:
-    """`trace` of a picture (h, w, 3) that has been read already.
+def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
+    """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is the tone where its edge does not tell.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
     by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is symmetric.
@@ -120,14 +124,17 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO) -> Traced:
     if first.edge.shape_misfit <= SYMMETRIC:
         return first
     second = _trace(image, setup, "linear")
-    best, other = sorted((first, second), key=lambda traced: traced.edge.shape_misfit)
+    found = {"srgb": first, "linear": second}
+    best, other = sorted((first, second), key=lambda traced: np.nan_to_num(traced.edge.shape_misfit, nan=np.inf))
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
-    doubts = []
-    if not best.edge.shape_misfit < ASYMMETRIC or other.edge.shape_misfit < 1.5 * best.edge.shape_misfit:
-        doubts.append(
-            f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
-        )
-    return dataclasses.replace(best, doubts=tuple(doubts) if moved > TONE_HARM else ())
+    if moved <= TONE_HARM or (
+        best.edge.shape_misfit < ASYMMETRIC and other.edge.shape_misfit >= TELLING * best.edge.shape_misfit
+    ):
+        return best
+    if likely in found:
+        return found[likely]
+    doubt = f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
+    return dataclasses.replace(best, doubts=(doubt,))
 
 
 def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
