@@ -199,7 +199,8 @@ def _close_lines(light: npt.NDArray[np.float32], line_px: float) -> npt.NDArray[
     half = int(np.ceil(0.5 * line_px)) + 1
     size = 2 * half + 1
     # Light all round, or a line that runs along the picture's rim would stay, and be shadow that touches the frame.
-    framed = cv2.copyMakeBorder(cv2.medianBlur(light, 3), *[size] * 4, cv2.BORDER_CONSTANT, value=(1.0, 1.0, 1.0))
+    plain = cv2.medianBlur(light, 3)
+    framed = cv2.copyMakeBorder(plain, size, size, size, size, cv2.BORDER_CONSTANT, value=(1.0, 1.0, 1.0))
     return cv2.morphologyEx(framed, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))[size:-size, size:-size]
 
 

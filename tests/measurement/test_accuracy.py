@@ -28,10 +28,11 @@ def bench(seed):
         tilt=np.degrees(np.arcsin(np.sin(oblique) * np.sin(towards))),
         pan=np.degrees(np.arctan(np.tan(oblique) * np.cos(towards))),
         roll=rng.uniform(-5.0, 5.0), target=(rng.uniform(-1e-3, 1e-3), rng.uniform(0.0, 2e-3)),
-        grid_pitch=float(rng.choice([3e-3, 4.5e-3])), line_width=rng.uniform(0.25e-3, 0.5e-3), line_grey=rng.uniform(0.15, 0.45), brightness=rng.uniform(150.0, 235.0),
-        unevenness=rng.uniform(0.0, 0.3), ambient=rng.uniform(0.05, 0.25), penumbra=rng.uniform(30e-6, 90e-6),
-        blur=rng.uniform(0.8, 2.0), noise=rng.uniform(1.0, 4.0), dust=int(rng.integers(0, 15)),
-        jpeg_quality=int(rng.integers(85, 98)), srgb=bool(rng.integers(0, 2)),
+        grid_pitch=float(rng.choice([3e-3, 4.5e-3])), line_width=rng.uniform(0.25e-3, 0.5e-3),
+        line_grey=rng.uniform(0.15, 0.45), brightness=rng.uniform(150.0, 235.0), unevenness=rng.uniform(0.0, 0.3),
+        ambient=rng.uniform(0.05, 0.25), penumbra=rng.uniform(30e-6, 90e-6), blur=rng.uniform(0.8, 2.0),
+        noise=rng.uniform(1.0, 4.0), dust=int(rng.integers(0, 15)), jpeg_quality=int(rng.integers(85, 98)),
+        srgb=bool(rng.integers(0, 2)),
     )  # fmt: skip
     return scene, rng.uniform(1e-3, 9e-3), rng.uniform(-5.0e-3, -3.8e-3)
 
