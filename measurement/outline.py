@@ -14,6 +14,10 @@ Array = npt.NDArray[np.float64]
 COLUMNS = "x_m,z_m,error_m"
 
 
+SHARED = 10e-6
+"""Standard error in m above which it is no longer each point's own."""
+
+
 class OutlineError(ValueError):
     """Points that make no outline, or a file that holds none; the message is a sentence for the user."""
 
@@ -75,9 +79,10 @@ class Outline:
     def height(self) -> float:
         """Height of the top in m: the mean of the points within two standard errors of the highest one.
 
-        The highest of many points is the one whose own error pointed up; its neighbours take most of that out.
+        The highest of many points is the one whose own error pointed up; its neighbours take most of that out. Errors
+        beyond `SHARED` move all points alike (a moved camera, a sunk actuator), and tell of no neighbours.
         """
-        top = self.z >= self.z[self.apex] - 2.0 * self.error[self.apex]
+        top = self.z >= self.z[self.apex] - 2.0 * min(self.error[self.apex], SHARED)
         return float(self.z[top].mean())
 
     @property
