@@ -15,6 +15,10 @@ Array = npt.NDArray[np.float64]
 COLUMNS = "x_m,z_m,error_m"
 
 
+SHARED = 10e-6
+"""Standard error in m above which it is no longer each point's own."""
+
+
 class OutlineError(ValueError):
     """Points that make no outline, or a file that holds none; the message is a sentence for the user."""
 
@@ -74,8 +78,11 @@ class Outline:
 
     @functools.cached_property
     def _top(self) -> slice:
-        """The points next to the highest one that lie in the top 2 % of the height, or no lower than their errors."""
-        low = self.z < self.z[self.apex] - max(6.0 * self.error[self.apex], 0.02 * abs(self.z[self.apex]))
+        """The points next to the highest one that lie in the top 2 % of the height, or no lower than their errors.
+
+        Errors beyond `SHARED` move all points alike (a moved camera, a sunk actuator), and tell of no neighbours.
+        """
+        low = self.z < self.z[self.apex] - max(6.0 * min(self.error[self.apex], SHARED), 0.02 * abs(self.z[self.apex]))
         left, right = np.nonzero(low[: self.apex])[0], np.nonzero(low[self.apex :])[0]
         return slice(left[-1] + 1 if len(left) else 0, self.apex + right[0] if len(right) else len(self.x))
 

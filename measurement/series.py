@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import contextlib
 import dataclasses
+import hashlib
 import multiprocessing
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -64,6 +65,8 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
             return find_zero(photo.file, setup, clear_tone(photographs, setup)) if line.doubts else line
         except Unmeasurable as error:
             reasons.append(f"{photo.file.name}: {error}")
+        except Exception as error:  # as in `_measure_one`
+            reasons.append(f"{photo.file.name}: {_unforeseen(error)}")
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
 
 
@@ -101,9 +104,18 @@ def measure_all(
         One result per photograph, in the list's order.
     """
     names = _names(photographs)
-    work = [(photo, name, setup, zero, tone, pictures) for photo, name in zip(photographs, names, strict=True)]
+    copies = same_pictures(photographs)
+    work = [
+        (photo, name, setup, zero, tone, pictures)
+        for photo, name in zip(photographs, names, strict=True)
+        if photo.file not in copies
+    ]
     results: dict[str, Result] = {}
-    if jobs <= 1 or len(work) == 1:
+    for photo, name in zip(photographs, names, strict=True):
+        if photo.file in copies:
+            results[name] = Result(photo, Refusal(copies[photo.file], photo.file), name)
+            done(results[name])
+    if jobs <= 1 or len(work) <= 1:
         for task in work:
             result = _measure_one(*task)
             results[result.name] = result
@@ -117,6 +129,32 @@ def measure_all(
                 results[result.name] = result
                 done(result)
     return [results[name] for name in names]
+
+
+def _unforeseen(error: Exception) -> str:
+    return f"it led to an unforeseen failure ({type(error).__name__}: {error})"
+
+
+def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
+    """Why photographs that are copies of each other must not be measured: one of their pressures at least is wrong.
+
+    Returns:
+        A sentence for each file whose bytes another file of the list repeats at another pressure.
+    """
+    alike: dict[str, list[Photograph]] = {}
+    for photo in photographs:
+        try:
+            with photo.file.open("rb") as file:
+                alike.setdefault(hashlib.file_digest(file, "sha256").hexdigest(), []).append(photo)
+        except OSError:
+            continue  # a file that cannot be read is refused with its own reason
+    return {
+        photo.file: f"it is the same picture as {' and '.join(other.file.name for other in group if other is not photo)}, "
+        "listed at another pressure: one of the two is wrong"
+        for group in alike.values()
+        if len({photo.pressure for photo in group}) > 1
+        for photo in group
+    }
 
 
 def _alone() -> None:
@@ -135,7 +173,7 @@ def _measure_one(
     except Unmeasurable as error:
         outcome = Refusal(str(error), photo.file)
     except Exception as error:  # one odd photograph must not take the others with it
-        outcome = Refusal(f"it led to an unforeseen failure ({type(error).__name__}: {error})", photo.file)
+        outcome = Refusal(_unforeseen(error), photo.file)
     if pictures is not None and image is not None:
         from measurement.photo_pictures import draw_edge
 

@@ -14,8 +14,9 @@ from measurement.edge import Edge, Transmission, coarse_contour, refine_edge
 from measurement.pixels import TONES, Pixels, Unmeasurable, read_photograph, sample_light
 from measurement.screen import GridLook, look_at_grid
 from measurement.setup import Setup
-from measurement.shadow import CoarseShadow, check_exposure, find_shadow
+from measurement.shadow import CoarseShadow, ShadowColour, check_exposure, find_shadow
 from measurement.smoothing import robust_loess
+from measurement.threads import touched_by_thread
 
 Array = npt.NDArray[np.float64]
 
@@ -42,6 +43,9 @@ GRID_REST_PX = 1.5
 
 BLANK = 0.985
 """Light of a channel from which it is taken as saturated."""
+
+PART, MOST_PARTS = 0.7, 0.05
+"""Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
 
 NOISIEST = 50e-6
 """Greatest median standard error in m of the points of an edge."""
@@ -134,7 +138,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "")
     if likely in found:
         return found[likely]
     doubt = f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
-    return dataclasses.replace(best, doubts=(doubt,))
+    return dataclasses.replace(best, doubts=(*best.doubts, doubt))
 
 
 def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
@@ -155,13 +159,20 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
         look = look_at_grid(image, setup, setup.grid_pitch, roi, lit, light)
         moved = _check_grid(look, setup, scale)
     contour = coarse_contour(coarse.mask, coarse.share, factor, (x0, y0))
-    edge = refine_edge(image, contour, coarse.colour, _ink(look, setup, roi), factor, light)
+    through = _ink(look, setup, roi)
+    edge = refine_edge(image, contour, coarse.colour, through, factor, light)
     edge = edge[_inside(edge.px, roi)]
     if len(edge.px) < FEWEST_POINTS:
         raise Unmeasurable(
             f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed"
         )
     _check_edge(image, edge, setup, light)
+    doubts = _check_steps(edge, coarse.colour)
+    rows, columns = np.indices(coarse.mask.shape)
+    places = (np.stack([columns, rows], axis=-1) + 0.5) * factor - 0.5 + np.array([x0, y0])
+    ink = np.ones(coarse.mask.shape) if through is None else through(places)
+    if touched_by_thread(light[small], coarse, ink, WIDEST_LINE * pitch_px, scale * factor):
+        doubts += ("a thin dark thing (hair, thread, tube, a speck) touches the shadow",)
     px, error_px = _smoothed(edge)
     points = setup.to_metres(px)
     if not np.isfinite(points).all():
@@ -174,7 +185,7 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
     if typical > NOISIEST:
         raise Unmeasurable(f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um")
     rim = _rim(coarse.mask, roi, setup)
-    return Traced(edge, px, error_px, points, normals, spacing, rim, moved, scale, coarse, roi, tone)
+    return Traced(edge, px, error_px, points, normals, spacing, rim, moved, scale, coarse, roi, tone, doubts)
 
 
 def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
@@ -199,14 +210,18 @@ def _check_grid(look: GridLook, setup: Setup, scale: float) -> float:
     if look.seen < GRID_SEEN or len(look.shift) < 24:
         raise Unmeasurable(
             f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
-            "moved, or the grid cannot be seen"
+            "moved, the picture is turned or mirrored, or the grid cannot be seen"
         )
     moved, rest = (value / setup.magnification for value in look.movement())
     if not moved <= max(MOVED, MOVED_PX * scale):
-        raise Unmeasurable(f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup")
+        raise Unmeasurable(
+            f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
+            "picture is turned, mirrored or cropped"
+        )
     if not rest <= max(GRID_REST, GRID_REST_PX * scale):
         raise Unmeasurable(
-            f"the grid's lines lie {rest * 1e6:.0f} um off: the screen has bent, or this is another setup"
+            f"the grid's lines lie {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
+            "see them, the screen has bent, or this is another setup"
         )
     return moved
 
@@ -260,6 +275,21 @@ def _check_edge(image: Pixels, edge: Edge, setup: Setup, light: npt.NDArray[np.f
         raise Unmeasurable(
             f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which moves the edge"
         )
+
+
+def _check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
+    """Doubts about an edge over which the light does not fall all the way from the screen's to the shadow's."""
+    whole = 1.0 / float(colour.direction @ colour.lit)
+    part = edge.contrast / whole
+    if np.median(part) < PART:
+        raise Unmeasurable(
+            f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has several "
+            "edges, from a second lamp, a reflection or a double exposure"
+        )
+    share = float(np.mean(part < PART))
+    if share > MOST_PARTS:
+        return (f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection",)
+    return ()
 
 
 def _smoothed(edge: Edge) -> tuple[Array, Array]:
