@@ -105,7 +105,7 @@ class Setup:
         sigma = np.broadcast_to(np.asarray(edge_sigma_px, dtype=float), (len(raw),))
         # An error e across the edge in the photograph moves it by |J^T n| e across the edge on the screen, so that the
         # edge may be treated as if it were uncertain in all directions.
-        pixel = (sigma**2 + self.camera.error_px**2)[:, None, None]
+        pixel = (sigma**2 + self.camera.error(raw) ** 2)[:, None, None]
         spread = pixel * (slope @ np.swapaxes(slope, 1, 2))
         spread += self.plane.covariances(self.camera.undistort(raw)) / self.magnification**2
         if about is None:
