@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from measurement.camera import Camera
+from measurement.corners import straightened_corners
 from measurement.grid import FEWEST, GridError, GridPoints, checked, gray_bytes
 from measurement.plane import Plane, PlaneError
 
@@ -50,7 +51,8 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
     corners = cv2.cornerSubPix(gray, corners.astype(np.float32), (reach, reach), (-1, -1), stop)
     across, down = np.meshgrid(np.arange(columns), np.arange(rows))
     indices = np.column_stack([across.ravel(), down.ravel()])
-    return _points(corners.reshape(-1, 2).astype(float), indices, camera)
+    px = corners.reshape(-1, 2).astype(float)
+    return _points(px if camera is None else straightened_corners(gray, px, camera, reach), indices, camera)
 
 
 def find_charuco(

@@ -118,9 +118,9 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
     middle = (np.array(size) - 1.0) / 2.0
     far = np.linalg.norm(np.vstack(views) - middle, axis=1) / np.linalg.norm(middle)
     errors = _errors(camera, covariance, views, board, use_k3, float(far.max()))
-    error = float(np.sqrt(np.mean(np.interp(far, np.linspace(0.0, 1.0, RINGS), errors) ** 2)))
+    known = float(np.sqrt(np.mean(np.interp(far, np.linspace(0.0, 1.0, RINGS), errors) ** 2)))
     return Calibration(
-        camera=dataclasses.replace(camera, error_px=error, errors_px=errors),
+        camera=dataclasses.replace(camera, error_px=known, errors_px=errors),
         residual_px=solution.residual,
         per_image=dict(zip(corners, map(float, solution.each), strict=True)),
         coverage=float(far.max()),
@@ -145,7 +145,7 @@ class _Solution:
 
 def _board(pattern: tuple[int, int], pitch: float) -> Points:
     columns, rows = np.meshgrid(np.arange(pattern[0]), np.arange(pattern[1]))
-    return np.column_stack([columns.ravel(), rows.ravel(), np.zeros(columns.size)]) * pitch
+    return np.asarray(np.column_stack([columns.ravel(), rows.ravel(), 0 * rows.ravel()]) * pitch, dtype=np.float64)
 
 
 def _solve(views: list[Points], board: Points, size: tuple[int, int], use_k3: bool = True) -> _Solution:
@@ -158,13 +158,21 @@ def _solve(views: list[Points], board: Points, size: tuple[int, int], use_k3: bo
         # Pixels of photographic sensors are square; one focal length is better known than two.
         flags=cv2.CALIB_FIX_ASPECT_RATIO | (0 if use_k3 else cv2.CALIB_FIX_K3),
     )
-    return _Solution(float(residual), matrix, distortion.ravel()[:COEFFICIENTS], turns, shifts, np.ravel(each))
+    return _Solution(
+        float(residual),
+        matrix,
+        distortion.ravel()[:COEFFICIENTS],
+        list(turns),
+        list(shifts),
+        np.ravel(each).astype(float),
+    )
 
 
 def _covariance(solution: _Solution, views: list[Points], board: Points) -> Points:
     """Covariance of one focal length, the principal point and the lens' coefficients, from what the fit leaves."""
     own = 3 + COEFFICIENTS
-    information, squares = np.zeros((own, own)), 0.0
+    information: Points = np.zeros((own, own))
+    squares = 0.0
     for turn, shift, view in zip(solution.turns, solution.shifts, views, strict=True):
         seen, slope = cv2.projectPoints(board, turn, shift, solution.matrix, solution.distortion)
         squares += float(np.sum((seen.reshape(-1, 2) - view) ** 2))
@@ -172,10 +180,11 @@ def _covariance(solution: _Solution, views: list[Points], board: Points) -> Poin
         lens = np.column_stack([lens[:, 0] + lens[:, 1], lens[:, 2:]])
         # What the board's own pose can take up says nothing about the camera.
         lens = lens - pose @ np.linalg.lstsq(pose, lens, rcond=None)[0]
-        information += lens.T @ lens
+        information = information + lens.T @ lens
     spare = 2 * len(views) * len(board) - own - 6 * len(views)
     scale = 1.0 / np.sqrt(np.diag(information))
-    return np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale) * squares / spare
+    covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale) * squares / spare
+    return np.asarray(covariance, dtype=np.float64)
 
 
 def _errors(
@@ -191,7 +200,9 @@ def _errors(
     slopes = []
     for number, step in enumerate(0.01 * np.sqrt(np.diag(covariance))):
         f, cx, cy, *lens = values + step * np.eye(len(values))[number]
-        other = dataclasses.replace(camera, matrix=[[f, 0, cx], [0, f, cy], [0, 0, 1]], distortion=lens)
+        other = dataclasses.replace(
+            camera, matrix=np.array([[f, 0, cx], [0, f, cy], [0, 0, 1]]), distortion=np.array(lens)
+        )
         slopes.append(_moved(camera, other, coverage) / step)
     variance = np.einsum("irk,ij,jrk->rk", slopes, covariance, slopes)
     count = len(views)

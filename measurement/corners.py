@@ -39,7 +39,7 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
         inside = np.all((pixels > 0) & (pixels < np.array(gray.shape[::-1]) - 1), axis=2)
         pixels = np.where(inside[..., None], pixels, 1)
         far = np.sum((pixels - seen[:, None]) ** 2, axis=2)
-        weight = inside * np.exp(-2.0 * far / reach**2)
+        weight = np.where(inside, np.exp(-2.0 * far / reach**2), 0.0)
         gradient = np.stack([slope[pixels[..., 1], pixels[..., 0]] for slope in slopes], axis=-1)
         found = _agreed(pixels.reshape(-1, 2).astype(float), gradient.astype(float), weight, seen, camera)
         # A corner that runs away stays where it was: its window holds no corner.

@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike
 from measurement.camera import Camera, CameraError, Points, as_points
 from measurement.plane import Plane
 
+VERSION = 1
+"""Version of the setup file; one that means something else by its numbers gets another."""
+
 HEADER = "# Setup of a run of photographs, lengths in m and pixels as (x, y); made by python -m measurement setup.\n"
 
 
@@ -121,6 +124,7 @@ class Setup:
     def to_toml(self) -> str:
         """The setup as TOML; `from_toml` gives exactly the same numbers back."""
         table: dict[str, Any] = {
+            "version": VERSION,
             "magnification": float(self.magnification),
             "magnification_error": float(self.magnification_error),
         }
@@ -159,7 +163,12 @@ class Setup:
 
     @classmethod
     def _from_table(cls, table: Mapping[str, Any]) -> Setup:
-        known = {field.name for field in dataclasses.fields(cls)}
+        if table.get("version", VERSION) != VERSION:
+            raise SetupError(
+                f"the setup is of version {table['version']}, this program reads version {VERSION}; make it anew with "
+                "python -m measurement setup"
+            )
+        known = {"version"} | {field.name for field in dataclasses.fields(cls)}
         for name in table:
             if name not in known:
                 raise SetupError(f"the setup has an unknown field {name!r}; known are {', '.join(sorted(known))}")
