@@ -111,21 +111,38 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
             for gray, view in zip(pictures, views, strict=True)
         ]
         solution = _solve(views, board, size)
-    covariance = _covariance(solution, views, board)
-    use_k3 = abs(solution.distortion[4]) > EVIDENCE * np.sqrt(covariance[-1, -1])
-    # A k3 that is left out may yet be there, so that it stays in the error.
-    camera = (solution if use_k3 else _solve(views, board, size, use_k3)).camera(size, f"{len(views)} chessboards")
-    middle = (np.array(size) - 1.0) / 2.0
-    far = np.linalg.norm(np.vstack(views) - middle, axis=1) / np.linalg.norm(middle)
-    errors = _errors(camera, covariance, views, board, use_k3, float(far.max()))
-    known = float(np.sqrt(np.mean(np.interp(far, np.linspace(0.0, 1.0, RINGS), errors) ** 2)))
     return Calibration(
-        camera=dataclasses.replace(camera, error_px=known, errors_px=errors),
+        camera=calibrated_from(views, board, size),
         residual_px=solution.residual,
         per_image=dict(zip(corners, map(float, solution.each), strict=True)),
-        coverage=float(far.max()),
+        coverage=float(reached(views, size).max()),
         refused=refused,
     )
+
+
+def calibrated_from(views: list[Points], board: Points, size: tuple[int, int]) -> Camera:
+    """The camera and its errors from a board's corners.
+
+    Args:
+        views: The corners (n, 2) in px of each photograph, three photographs or more.
+        board: The same corners (n, 3) on the board in m, the last coordinate 0.
+        size: Width and height of the photographs in px.
+    """
+    solution = _solve(views, board, size)
+    covariance = _covariance(solution, views, board)
+    use_k3 = bool(abs(solution.distortion[4]) > EVIDENCE * np.sqrt(covariance[-1, -1]))
+    # A k3 that is left out may yet be there, so that it stays in the error.
+    camera = (solution if use_k3 else _solve(views, board, size, use_k3)).camera(size, f"{len(views)} chessboards")
+    far = reached(views, size)
+    errors = _errors(camera, covariance, views, board, use_k3, float(far.max()))
+    known = float(np.sqrt(np.mean(np.interp(far, np.linspace(0.0, 1.0, RINGS), errors) ** 2)))
+    return dataclasses.replace(camera, error_px=known, errors_px=errors)
+
+
+def reached(views: list[Points], size: tuple[int, int]) -> Points:
+    """Distances (n,) of all corners from the frame's middle, as shares of the way to its corners."""
+    middle = (np.array(size) - 1.0) / 2.0
+    return np.asarray(np.linalg.norm(np.vstack(views) - middle, axis=1) / np.linalg.norm(middle))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
