@@ -11,9 +11,13 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.polynomial.polynomial import polyvander, polyvander2d
 from numpy.typing import NDArray
 
 from measurement.camera import Camera, Points
+
+DEGREE = 4
+"""Degree of the polynomial that stands for the lens within a window."""
 
 SETTLED = 1e-3
 """Step in px below which corners are where they belong."""
@@ -32,16 +36,21 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
     slopes = [cv2.Scharr(light, cv2.CV_32F, *order) / 32.0 for order in ((1, 0), (0, 1))]
     steps = np.arange(-reach, reach + 1)
     window = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    nodes, spread = _interpolation(reach, window)
     seen = corners.copy()
     for _ in range(10):
         # The window moves by whole pixels, so that nothing is taken between them; its weights move with the corner.
-        pixels = np.rint(seen).astype(int)[:, None, :] + window
+        start = np.rint(seen).astype(int)[:, None, :]
+        pixels = start + window
         inside = np.all((pixels > 0) & (pixels < np.array(gray.shape[::-1]) - 1), axis=2)
         pixels = np.where(inside[..., None], pixels, 1)
         far = np.sum((pixels - seen[:, None]) ** 2, axis=2)
         weight = np.where(inside, np.exp(-2.0 * far / reach**2), 0.0)
         gradient = np.stack([slope[pixels[..., 1], pixels[..., 0]] for slope in slopes], axis=-1)
-        found = _agreed(pixels.reshape(-1, 2).astype(float), gradient.astype(float), weight, seen, camera)
+        straight = [
+            part @ camera.undistort((start + nodes).reshape(-1, 2)).reshape(-1, len(nodes), 2) for part in spread
+        ]
+        found = _agreed(straight, gradient.astype(float), weight, seen, camera)
         # A corner that runs away stays where it was: its window holds no corner.
         found = np.where(np.linalg.norm(found - corners, axis=1)[:, None] < 0.5 * reach, found, seen)
         moved = float(np.abs(found - seen).max())
@@ -51,15 +60,31 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
     return seen
 
 
-def _agreed(flat: Points, gradient: Points, weight: Points, seen: Points, camera: Camera) -> Points:
+def _interpolation(reach: int, window: NDArray[np.int64]) -> tuple[Points, list[Points]]:
+    """Nodes (m, 2) about a corner and matrices (k, m) that take what is known there to a window's pixels (k, 2).
+
+    The first matrix gives the value, the others its derivatives in x and y. A lens is so smooth that a polynomial of the
+    fourth degree over a window stands for it, and spares sending every pixel through it.
+    """
+    steps = np.linspace(-1.0, 1.0, 7)
+    nodes = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    fit = np.linalg.pinv(polyvander2d(nodes[:, 0], nodes[:, 1], [DEGREE, DEGREE]))
+    x, y = window.T / reach
+    powers = np.arange(DEGREE)
+    along = [polyvander(at, DEGREE) for at in (x, y)]
+    slopes = [np.pad(part[:, :-1] * (powers + 1), ((0, 0), (1, 0))) / reach for part in along]
+    pairs = ((along[0], along[1]), (slopes[0], along[1]), (along[0], slopes[1]))
+    return nodes * reach, [
+        np.einsum("ki,kj->kij", first, second).reshape(len(window), -1) @ fit for first, second in pairs
+    ]
+
+
+def _agreed(straight: list[Points], gradient: Points, weight: Points, seen: Points, camera: Camera) -> Points:
     """The points (n, 2) of the photograph that the edges (n, k) of each window run through in ideal pixels."""
-    slope = np.empty((len(flat), 2, 2))
-    for axis in (0, 1):
-        aside = 0.5 * np.eye(2)[axis]
-        slope[:, :, axis] = camera.undistort(flat + aside) - camera.undistort(flat - aside)
-    carried = np.linalg.solve(np.swapaxes(slope, 1, 2), gradient.reshape(-1, 2, 1)).reshape(gradient.shape)
+    ideal, slope = straight[0], np.stack(straight[1:], axis=-1)
+    carried = np.linalg.solve(np.swapaxes(slope, 2, 3), gradient[..., None])[..., 0]
     start = camera.undistort(seen)
-    offset = camera.undistort(flat).reshape(gradient.shape) - start[:, None]
+    offset = ideal - start[:, None]
     weighted = carried * weight[..., None]
     normal = np.einsum("nki,nkj->nij", weighted, carried)
     right = np.einsum("nki,nk->ni", weighted, np.sum(carried * offset, axis=2))
