@@ -129,7 +129,7 @@ def test_known_points(case, tmp_path):
 
 
 def test_lens_of_another_focal_length(tmp_path):
-    """The profile at 18 mm bends straight lines that were taken at 55 mm."""
+    """The profile at 18 mm bends lines that the lens in use left straight."""
     path = save(tmp_path / "photo.jpg", grid(width=1500, height=1000))
     names = ("--lens", "Canon EF-S 18-55mm f/3.5-5.6 IS", "--camera", "Canon EOS 550D")
     refused("miss a regular grid", tmp_path, path, *names, "--focal", "18mm")
