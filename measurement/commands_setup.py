@@ -29,6 +29,9 @@ from measurement.units import UnitError, quantity
 UNUSABLE, UNMEASURED = 2, 1
 """Exit statuses: the input cannot be used; it can, but nothing could be measured in it."""
 
+LARGEST = 0.5
+"""Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
+
 REACHED = 0.9
 """Share of the way to the frame's corners that the boards of a good calibration reach."""
 
@@ -119,6 +122,8 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
         pitch = _length(given["grid_pitch"])
         if not pitch > 0.0:
             raise SetupError(f"--grid-pitch must be a positive length, not {given['grid_pitch']}")
+        if pitch > LARGEST:
+            raise SetupError(f"--grid-pitch {given['grid_pitch']} is no grid of this kind; write mm for millimetres")
         camera = _camera(given["lens"], photograph, width, height, given["body"], given["focal"])
         plane, grid = _plane(picture, camera, pitch, given)
         size = _magnification(given["lamp_distance"], given["screen_distance"])
@@ -268,7 +273,11 @@ def _length(text: str) -> float:
 
 def _per_metre(text: str) -> float:
     # A pixel is a count here; Pint's own pixel is a unit of its own.
-    return quantity(re.sub(r"\b(px|pixels?)\b", "1", text), "1/m")
+    found = re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)\s*/\s*([a-z]+)\s*", text)
+    try:
+        return quantity(f"{found[1]} / {found[2]}" if found else text, "1/m")
+    except UnitError:
+        raise SetupError(f"{text.strip()!r} is no scale; write pixels per length like 75px/mm or 75000px/m") from None
 
 
 def _write(path: Path, text: str) -> None:

@@ -43,7 +43,10 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
     _check_spread(seen)
     _check_spread(known)
     ideal = camera.undistort(seen)
-    plane = Plane.fit(ideal, known, CLICKED if len(seen) == 4 else None)
+    try:
+        plane = Plane.fit(ideal, known, CLICKED if len(seen) == 4 else None)
+    except PlaneError:  # they lie on no line, as was seen above
+        raise PlaneError("the known points fit no plane; check for points that were exchanged or mistyped") from None
     below = np.column_stack([ideal, np.ones(len(ideal))]) @ plane.homography[2]
     missed = np.linalg.norm(plane.to_pixels(known) - ideal, axis=1)
     if np.ptp(np.sign(below)) > 0 or missed.max() > max(WORST_PX, WORST_SHARE * float(np.ptp(seen, axis=0).max())):

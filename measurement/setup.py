@@ -54,8 +54,10 @@ class Setup:
     shadow_colour: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.magnification) and self.magnification > 0.0 and self.magnification_error >= 0.0):
+        if not (0.0 < self.magnification < math.inf and 0.0 <= self.magnification_error < math.inf):
             raise SetupError("the magnification must be positive and its error must not be negative")
+        if self.grid_pitch is not None and not 0.0 < self.grid_pitch < math.inf:
+            raise SetupError("the grid's pitch must be a positive length in m")
         if self.zero is not None:
             zero = np.array(self.zero, dtype=float)
             if zero.shape != (2, 2) or not np.isfinite(zero).all() or np.allclose(zero[0], zero[1], atol=1e-12):
