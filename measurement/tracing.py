@@ -211,7 +211,7 @@ def _check_grid(look: GridLook, setup: Setup, scale: float) -> float:
     if not moved <= max(MOVED, MOVED_PX * scale):
         raise Unmeasurable(
             f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
-            "picture is turned, mirrored or cropped"
+            "picture is turned, mirrored, cropped or too noisy"
         )
     if not rest <= max(GRID_REST, GRID_REST_PX * scale):
         raise Unmeasurable(
