@@ -120,7 +120,7 @@ PICTURES = {
 UNSURE = {
     "pencil": (
         lambda: pixels(things=[np.array([[-1.5, 0], [1.5, 0], [0, 9]]) * 1e-3 + [0, FLOOR]]),
-        "corner of|thin dark thing|bends sharply|overhangs",
+        "corner of|thin dark thing|bends sharply|overhangs|no rounded top",
     ),
     "dirty": (lambda: pixels(dust=1000), "too dusty|bends sharply|gap|corner|touches"),
     "noisy": (lambda: pixels(noise=40.0), "too noisy|how the file stores light"),
