@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
 
-from measurement.edge import Edge, Transmission, coarse_contour, refine_edge
+from measurement.edge import BETWEEN, Edge, Transmission, coarse_contour, refine_edge
 from measurement.pixels import TONES, Pixels, Unmeasurable, read_photograph, sample_light
 from measurement.screen import GridLook, look_at_grid
 from measurement.setup import Setup
@@ -216,7 +216,7 @@ def _check_grid(look: GridLook, setup: Setup, scale: float) -> float:
     if not moved <= max(MOVED, MOVED_PX * scale):
         raise Unmeasurable(
             f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
-            "picture is turned, mirrored or cropped"
+            "picture is turned, mirrored, cropped or too noisy"
         )
     if not rest <= max(GRID_REST, GRID_REST_PX * scale):
         raise Unmeasurable(
@@ -310,7 +310,8 @@ def _smoothed(edge: Edge) -> tuple[Array, Array]:
     # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
     local = 1.4826 * np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
     gain = float(np.median(smooth.error / smooth.scatter))
-    return px, REPEATED * gain * np.maximum(edge.error, local)
+    # What values between pixels lose of their scatter is in `REPEATED` already.
+    return px, REPEATED * gain * np.maximum(edge.error / np.sqrt(BETWEEN), local)
 
 
 def _rim(mask: npt.NDArray[np.bool_], roi: tuple[int, int, int, int], setup: Setup) -> Array:
