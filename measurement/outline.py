@@ -37,6 +37,7 @@ class Outline:
         source: Where it comes from, such as the photograph's file name.
         trusted: Whether nothing speaks against it.
         reasons: What speaks against it, one sentence each; empty if trusted.
+        sunk: How far the surface beside the bulge lies below the zero plane in m; 0 where that cannot be told from none.
 
     Raises:
         OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, or x not sorted.
@@ -50,6 +51,7 @@ class Outline:
     source: str
     trusted: bool = True
     reasons: tuple[str, ...] = ()
+    sunk: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
@@ -93,7 +95,7 @@ class Outline:
         The highest of many points is the one whose own error pointed up; its neighbours take that out.
         """
         x, z, weight = self.x[self._top] - self.x[self.apex], self.z[self._top], 1.0 / self.error[self._top]
-        if len(x) < 8 or not np.ptp(x) > 0.0:
+        if len(np.unique(x)) < 3:
             return float(np.average(z, weights=weight**2))
         curve = np.polynomial.Polynomial.fit(x, z, 2, w=weight)
         summit = curve.deriv().roots()
@@ -112,6 +114,7 @@ class Outline:
             f"pressure_Pa = {self.pressure!r}",
             f"pressure_error_Pa = {self.pressure_error!r}",
             f"source = {' '.join(self.source.split())}",
+            f"sunk_m = {self.sunk:.4g}",
             f"trusted = {'yes' if self.trusted else 'no'}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
         ]
@@ -144,10 +147,11 @@ class Outline:
                 rows.append(_row(path, number, line))
         try:
             pressure, pressure_error = float(notes["pressure_Pa"]), float(notes["pressure_error_Pa"])
+            sunk = float(notes.get("sunk_m", "0"))
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except ValueError:
-            raise OutlineError(f"{path}: pressure_Pa or pressure_error_Pa is not a number") from None
+            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa or sunk_m is not a number") from None
         points = np.array(rows, dtype=np.float64).reshape(-1, 3)
         trusted = notes.get("trusted", "no") == "yes"
         if not trusted and not reasons:
@@ -161,6 +165,7 @@ class Outline:
             notes.get("source", path.name),
             trusted,
             tuple(reasons),
+            sunk,
         )
 
 

@@ -106,7 +106,7 @@ def outline_of(
     upwards = traced.normals @ zero.normal
     check_top(placed, above, upwards, error)
     reasons = list(traced.doubts)
-    moved, doubt = displacement(placed, upwards, error, zero)
+    sunk, moved, doubt = displacement(placed, upwards, error, zero)
     error = np.hypot(error, moved)
     doubts = [doubt, check_corners(zero.place(setup.to_metres(traced.edge.px))), check_width(placed, error, zero)]
     doubts.append(check_clear(placed[above], error[above]))
@@ -141,6 +141,7 @@ def outline_of(
             source,
             not reasons,
             tuple(reasons),
+            sunk,
         )
     except OutlineError as problem:
         raise Unmeasurable(str(problem)) from None

@@ -71,7 +71,8 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
     """Write the four steps: photograph, distance to the shadow's colour, edge in pixels, outline in millimetres."""
     small, factor = _reduced(image)
     figure = Figure(figsize=(13.0, 7.0), dpi=110, layout="constrained")
-    pictures, last = figure.subfigures(2, 1, height_ratios=(3.6, 3.4))
+    halves = figure.add_gridspec(2, 1, height_ratios=(3.6, 3.4))
+    pictures, last = figure.add_subfigure(halves[0]), figure.add_subfigure(halves[1])
     axes = pictures.subplots(1, 3)
     _show(axes[0], small, factor)
     axes[0].set_title("1. The photograph, never warped")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import cv2
 
+from measurement import settling
 from measurement.outline import Outline
 from measurement.photo import Refusal, find_zero, outline_of
 from measurement.photo_list import Photograph
@@ -128,7 +129,33 @@ def measure_all(
                 result = future.result()
                 results[result.name] = result
                 done(result)
-    return [results[name] for name in names]
+    return _compared([results[name] for name in names], setup, zero, tone, pictures)
+
+
+def _compared(results: list[Result], setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None) -> list[Result]:
+    """Distrust what looks good by itself and is contradicted by the run's other photographs."""
+    measured = [result for result in results if isinstance(result.outcome, Outline)]
+    found = settling.doubts([result.outcome for result in measured if isinstance(result.outcome, Outline)])
+    doubts = {result.name: doubt for result, doubt in zip(measured, found, strict=True) if doubt is not None}
+    compared = []
+    for result in results:
+        outcome = result.outcome
+        if result.name in doubts and isinstance(outcome, Outline):
+            outcome = dataclasses.replace(outcome, trusted=False, reasons=(*outcome.reasons, doubts[result.name]))
+            result = dataclasses.replace(result, outcome=outcome)
+            if pictures is not None:
+                _draw_again(result, setup, zero, tone, pictures)
+        compared.append(result)
+    return compared
+
+
+def _draw_again(result: Result, setup: Setup, zero: ZeroLine, tone: str, pictures: Path) -> None:
+    from measurement.photo_pictures import draw_edge
+
+    with contextlib.suppress(Unmeasurable):  # it could be read a moment ago; what is drawn already stays
+        image = read_photograph(result.photograph.file, (setup.camera.width, setup.camera.height))
+        traced = trace_image(image, setup, tone, zero.tone)
+        draw_edge(pictures / f"{result.name}.png", image, setup, traced, result.outcome, result.photograph.pressure)
 
 
 def _unforeseen(error: Exception) -> str:

@@ -2,8 +2,8 @@
 
 An edge can be found to a hundredth of a pixel and still be something else's: a hair on the membrane, a finger before the
 lamp, a drop, a glint that eats into the shadow, or the right actuator in another place. What tells them apart is known of
-every inflated surface: beside the bulge it lies where it lay at zero pressure, and above it the membrane bends alike from
-one place to the next. A corner there belongs to a second thing.
+every inflated surface: beside the bulge it lies where it lay at zero pressure or a little lower, and above it the membrane
+bends alike from one place to the next. A corner there belongs to a second thing.
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ ENDS = 0.12
 
 UNCLEAR, DISPLACED = 10e-6, 200e-6
 """Distance in m of those ends from the zero plane up to which they tell nothing, and from which nothing is measured."""
+
+SETTLES = 0.25
+"""Share of the height by which a soft body's surface may sink beside its bulge; thick disks have an eighth."""
 
 WINDOW, WINDOW_SHARE = 0.8e-3, 0.04
 """Length of edge on each side of a place over which its direction is taken: in m at most, and as a share of the bulge's
@@ -74,8 +77,11 @@ def check_top(placed: Array, above: Mask, upwards: Array, error: Array) -> None:
         raise Unmeasurable("the shadow stands more than twice as high as it is wide: this is no inflated surface")
 
 
-def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> tuple[float, str | None]:
+def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> tuple[float, float, str | None]:
     """How far the surface beside the bulge lies from the zero plane.
+
+    A soft body that bulges takes the rubber beside the bulge inwards, so that its surface may sink there by a share of the
+    height. That much is no mistake as long as the other photographs of the run agree (`settling.py`).
 
     Args:
         placed: Edge as in `check_top`.
@@ -84,8 +90,8 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
         zero: The zero plane.
 
     Returns:
-        Distance in m that is more than the measurement's own error, 0 if there is none; and what speaks against the
-        outline, if anything does.
+        How far in m it has sunk where a soft body may, 0 if that is within the measurement's own error; distance in m
+        that it may not lie off and does, 0 if there is none; and what speaks against the outline, if anything does.
 
     Raises:
         Unmeasurable: It lies so far off that heights mean nothing.
@@ -97,24 +103,27 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
         )
     low, high = placed[seen, 0].min(), placed[seen, 0].max()
     reach = ENDS * (high - low)
-    worst, tolerance = 0.0, 0.0
+    sinks = SETTLES * max(0.0, float(placed[:, 1].max()))
+    worst, tolerance, sunk = 0.0, 0.0, 0.0
     for end in (placed[:, 0] <= low + reach, placed[:, 0] >= high - reach):
         # Steep points are the body's sides or a bulge as wide as the picture; they do not lie on the surface anyway.
         mine = seen & end & (upwards > LEVEL)
         if mine.sum() < 5:
             continue
-        off = float(np.median(placed[mine, 1]))
-        if abs(off) > abs(worst):
-            worst, tolerance = off, 4.0 * float(np.median(error[mine]))
+        off, own = float(np.median(placed[mine, 1])), 4.0 * float(np.median(error[mine]))
+        if -sinks <= off < -max(UNCLEAR, own):
+            sunk = max(sunk, -off)
+        elif abs(off) > abs(worst):
+            worst, tolerance = off, own
     if abs(worst) <= max(UNCLEAR, tolerance):
-        return 0.0, None
+        return sunk, 0.0, None
     sentence = (
         f"beside the bulge the surface lies {abs(worst) * 1e3:.2f} mm {'above' if worst > 0.0 else 'below'} the zero plane: "
         "the actuator, the lamp or the camera has moved since the zero was taken"
     )
     if abs(worst) > max(DISPLACED, tolerance):
         raise Unmeasurable(sentence)
-    return abs(worst), sentence if abs(worst) > max(ON_SURFACE, tolerance) else None
+    return sunk, abs(worst), sentence if abs(worst) > max(ON_SURFACE, tolerance) else None
 
 
 def check_corners(placed: Array) -> str | None:

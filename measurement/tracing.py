@@ -108,7 +108,7 @@ def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "") -> Trace
         file: The photograph.
         setup: Camera and screen.
         tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
-        likely: The tone of other photographs of the run, for where the edge does not tell its own.
+        likely: The tone of other photographs of the run, for an edge that lies on the grid's ink and does not tell its own.
 
     Raises:
         Unmeasurable: The photograph must not be measured; the message is the reason.
@@ -117,7 +117,7 @@ def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "") -> Trace
 
 
 def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
-    """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is the tone where its edge does not tell.
+    """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is its tone if its edge lies on ink.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
     by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is symmetric.
@@ -135,7 +135,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "")
         best.edge.shape_misfit < ASYMMETRIC and other.edge.shape_misfit >= TELLING * best.edge.shape_misfit
     ):
         return best
-    if likely in found:
+    if likely in found and best.edge.on_ink:
         return found[likely]
     doubt = f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
     return dataclasses.replace(best, doubts=(*best.doubts, doubt))

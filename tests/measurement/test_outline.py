@@ -31,7 +31,7 @@ def test_csv_and_back(tmp_path, reasons):
     assert (tmp_path / "b.csv").read_text() == (tmp_path / "a.csv").read_text()
 
 
-def test_the_height_is_the_mean_of_the_top():
+def test_the_height_is_that_of_the_parabola_at_the_top():
     outline = made(z=np.where(np.abs(X) < 0.004, 0.004, 0.001) + 1e-6 * np.cos(np.arange(41) * np.pi))
     assert outline.height == pytest.approx(0.004, abs=0.2e-6)
     assert outline.height_error == 2e-6
@@ -73,7 +73,7 @@ def test_what_is_no_outline(changes, reason):
         (lambda text: "", "no comment line '# pressure_Pa"),
         (lambda text: text.replace("# pressure_error_Pa", "# other"), "no comment line '# pressure_error_Pa"),
         (lambda text: text.replace("951.0", "much"), "is not a number"),
-        (lambda text: text + "1,2\n", "line 47: '1,2' is not three numbers"),
+        (lambda text: text + "1,2\n", "line 48: '1,2' is not three numbers"),
         (lambda text: text + "1,2,x\n", "not three numbers"),
         (lambda text: text + "1,nan,1e-6\n", "not finite"),
         (lambda text: text.split(COLUMNS)[0] + COLUMNS, "at least one"),

@@ -77,11 +77,9 @@ def double(picture, other):
 
 
 PICTURES = {
-    "actuator sunk": (lambda: pixels(DOME - [0.0, 0.3e-3]), "0.30 mm below the zero plane: the actuator"),
     "actuator sunk deeply": (lambda: pixels(DOME - [0.0, 4.2e-3]), "below the"),
     "actuator raised": (lambda: pixels(DOME - [0.0, -0.25e-3]), "0.25 mm above the zero plane: the actuator"),
     "actuator tilted": (lambda: pixels(turned(DOME, 0.7)), "zero plane: the actuator|touches the frame"),
-    "lamp moved": (lambda: pixels(magnification=1.05), "below the zero plane: the actuator, the lamp"),
     "pole": (lambda: pixels(things=[box(-0.8, 0.8, 0, 8)]), "corner of .* second thing"),
     "pole at the side": (lambda: pixels(things=[box(4, 7, 0, 8)]), "corner of .* second thing"),
     "finger on top": (lambda: pixels(things=[box(-4, 4, 0, 5), disk(0, 5, 4)]), "corner of .* second thing"),
@@ -127,7 +125,9 @@ UNSURE = {
     "hair": (lambda: pixels(things=[turned(box(-0.1, 0.1, 0, 7), 20)]), "thin dark thing"),
     "thread over the top": (lambda: pixels(things=[box(-50, 50, 3.95, 4.15)]), "thin dark thing"),
     "thread across": (lambda: pixels(things=[turned(box(-50, 50, 3.5, 4.5), 20)]), "thin dark thing|second thing"),
-    "actuator sunk a little": (lambda: pixels(DOME - [0.0, 0.1e-3]), "0.10 mm below the zero plane"),
+    "actuator sunk a little": (lambda: pixels(DOME - [0.0, 0.1e-3]), "0.10 mm below the zero plane.* moved"),
+    "actuator sunk": (lambda: pixels(DOME - [0.0, 0.3e-3]), "0.30 mm below the zero plane.* moved"),
+    "lamp moved": (lambda: pixels(magnification=1.05), "below the zero plane.* moved"),
     "speck on the flat surface": (lambda: pixels(dome(0.0, floor=FLOOR), [disk(0, 0, 1.0)]), "only .* mm wide|corner"),
     "balloon": (lambda: pixels(dome(0.0, floor=FLOOR), [disk(0, 4, 8)]), "overhangs"),
     "edited curve": (lambda: np.uint8(255 * (pixels() / 255.0) ** 1.6), "how the file stores light"),
@@ -299,28 +299,27 @@ def test_the_region_of_interest_must_not_cut_the_shadow(bench, tmp_path):
 
 
 SETUPS = {
-    "no grid": (lambda: pixels(None, line_grey=1e-3), (), 1, "line|grid|crossings"),
-    "blurred grid": (lambda: pixels(None, blur=40.0), (), 1, "line|grid|crossings"),
-    "blank": (lambda: np.full((800, 1200, 3), 200, np.uint8), (), 1, "blank|line|grid"),
-    "black": (lambda: np.zeros((800, 1200, 3), np.uint8), (), 1, "blank|line|grid"),
-    "nothing but shadow": (lambda: pixels(dome(0.0, floor=0.1), line_grey=1e-3), (), 1, "line|grid|crossings"),
-    "noise": (lambda: np.random.default_rng(0).integers(0, 255, (800, 1200, 3), dtype=np.uint8), (), 1,
-              "line|grid|crossings"),
-    "grid turned by 45 degrees": (lambda: pixels(None, roll=45.0, pan=0.0, tilt=0.0), (), 1, "45 degrees|grid|line"),
-    "no unit": (lambda: pixels(None), ("--grid-pitch", "9"), 2, "has no unit"),
-    "negative pitch": (lambda: pixels(None), ("--grid-pitch", "-9mm"), 1, "pitch of the grid must be"),
-    "region outside": (lambda: pixels(None), ("--roi", "0,0,1300,800"), 2, "region of interest"),
-    "zero of one point": (lambda: pixels(None), ("--zero", "10,600=10,600"), 2, "zero line needs two different"),
-    "lamp without screen": (lambda: pixels(None), ("--lamp-distance", "2m"), 2, "give both"),
+    "no grid": (lambda: pixels(None, line_grey=1e-3), (), "no grid was found"),
+    "blurred grid": (lambda: pixels(None, blur=40.0), (), "no grid was found"),
+    "blank": (lambda: np.full((800, 1200, 3), 200, np.uint8), (), "picture is blank"),
+    "black": (lambda: np.zeros((800, 1200, 3), np.uint8), (), "picture is blank"),
+    "nothing but shadow": (lambda: pixels(dome(0.0, floor=0.1), line_grey=1e-3), (), "no grid was found"),
+    "noise": (lambda: np.random.default_rng(0).integers(0, 255, (800, 1200, 3), dtype=np.uint8), (), "no grid was found"),
+    "grid turned by 45 degrees": (lambda: pixels(None, roll=45.0, pan=0.0, tilt=0.0), (), "turned by about 45 degrees"),
+    "no unit": (lambda: pixels(None), ("--grid-pitch", "9"), "has no unit"),
+    "negative pitch": (lambda: pixels(None), ("--grid-pitch", "-9mm"), "must be a positive length"),
+    "region outside": (lambda: pixels(None), ("--roi", "0,0,1300,800"), "region of interest"),
+    "zero of one point": (lambda: pixels(None), ("--zero", "10,600=10,600"), "zero line needs two different"),
+    "lamp without screen": (lambda: pixels(None), ("--lamp-distance", "2m"), "give both"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", SETUPS)
 def test_unusable_setups_are_refused_with_their_reason(tmp_path, kind):
-    make, options, status, reason = SETUPS[kind]
+    make, options, reason = SETUPS[kind]
     path = save(tmp_path / "grid.jpg", make())
     done = run("setup", path, "--lens", "none", *options, "-o", tmp_path / "setup.toml")
-    assert done.exit_code == status, done.output
+    assert done.exit_code == 2, done.output
     assert_reason({"remarks": done.stderr}, reason)
     assert not (tmp_path / "setup.toml").exists()
 
