@@ -59,6 +59,14 @@ class HollowDisk(Actuator):
     azimuth: float = angle_field(0.0, "where the wedge begins, counted from the x axis")
     support: str = choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
 
+    stem: ClassVar = "disk"
+    stiffer: ClassVar = "a thicker membrane (--membrane), a smaller cavity (--cavity-radius)"
+    examples: ClassVar = (
+        "--variant shadow",
+        "--membrane 4mm --cell-size 2mm",
+        "--angle 360deg --support base",
+        "--section axisymmetric",
+    )
     variants: ClassVar = {
         "default": {},
         "shadow": {

@@ -20,9 +20,9 @@ LONGEST = 10.0
 """Longest length in m; anything above it is a number typed in another unit."""
 
 
-def length_field(default: float, text: str, *, zero: bool = False) -> Any:
-    """Return a dataclass field for a length in m; ``zero`` allows the value 0."""
-    return dataclasses.field(default=default, metadata={"unit": "m", "help": text, "zero": zero})
+def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False) -> Any:
+    """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones."""
+    return dataclasses.field(default=default, metadata={"unit": "m", "help": text, "zero": zero, "signed": signed})
 
 
 def angle_field(default: float, text: str) -> Any:
@@ -76,7 +76,7 @@ def _settled(name: str, value: Any, meta: Any) -> Any:
     if not math.isfinite(plain):
         raise GeometryError(f"{name} is {plain}; it must be a finite number")
     if unit == "m":
-        _check_length(name, plain, meta["zero"])
+        _check_length(name, abs(plain) if meta.get("signed") else plain, meta["zero"])
     return plain
 
 

@@ -147,9 +147,10 @@ class Case:
             if table not in tables:
                 raise CaseError(f"the case has no [{table}] table")
         try:
+            actuator = geometry_table.from_table(tables["geometry"])
             return cls(
-                name=tables.get("name", "disk"),
-                actuator=geometry_table.from_table(tables["geometry"]),
+                name=tables.get("name", actuator.stem),
+                actuator=actuator,
                 material=material_table.from_table(tables["material"])
                 if "material" in tables
                 else material_table.DEFAULT,

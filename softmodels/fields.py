@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from geometries.actuator import Vector
 from softmodels.equilibrium import Equilibrium, State
 from softmodels.grid import Grid, displacement_maps
 from softmodels.materials import Material
@@ -49,17 +50,27 @@ class Figures:
 
     Extremes of stretch and stress are over the integration points. Those of J are over the cells' means: elements that
     keep the volume do so in the mean, and their single points scatter around it by an error of the mesh.
+
+    ``rises`` are the probes' displacements along the lift, ``device`` is what `Actuator.device_figures` makes of their
+    places, ``max_stretch_at`` the undeformed place of the largest stretch in device coordinates.
     """
 
     pressure: float
     added_volume: float
     rises: dict[str, float]
+    device: dict[str, float]
     max_displacement: float
     max_stretch: float
+    max_stretch_at: tuple[float, float, float]
     max_von_mises: float
     J_min: float
     J_max: float
     stored_energy: float
+
+
+def _place(start: Vector, shift: npt.NDArray[np.float64]) -> Vector:
+    x, y, z = np.asarray(start) + shift
+    return float(x), float(y), float(z)
 
 
 class Fields:
@@ -70,6 +81,7 @@ class Fields:
     """
 
     def __init__(self, equilibrium: Equilibrium):
+        import ufl
         from dolfinx import fem, la
 
         self.equilibrium, self.grid = equilibrium, Grid(equilibrium)
@@ -83,6 +95,7 @@ class Fields:
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))
         self.rest_volume = equilibrium.rest().V
+        self._places = fem.Expression(ufl.SpatialCoordinate(equilibrium.body.mesh), equilibrium.points, **options)
         self._probes = {name: self._owner(point) for name, point in equilibrium.body.actuator.probes.items()}
 
     def _added(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -120,7 +133,12 @@ class Fields:
         eq = self.equilibrium
         eq.load(state)
         u = self._displacement(state)
-        lift = np.asarray(eq.body.actuator.lift)
+        actuator = eq.body.actuator
+        lift = np.asarray(actuator.lift)
+        moved = {
+            name: np.array([total(eq.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
+            for name, node in self._probes.items()
+        }
         F = self._gradients(self._at_points)
         stretches, J = principal_stretches(F), np.linalg.det(F).mean(axis=1)
         stress = von_mises(shape_stresses(eq.material, stretches))
@@ -128,19 +146,33 @@ class Fields:
         def most(values: npt.NDArray[np.float64]) -> float:
             return largest(eq.comm, float(values.max()) if values.size else -math.inf)
 
+        peak = most(stretches)
         return Figures(
             pressure=state.P * eq.stress_unit,
             added_volume=(state.V - self.rest_volume) * eq.volume_unit,
-            rises={
-                name: total(eq.comm, float(u[node] @ lift) if node >= 0 else 0.0) for name, node in self._probes.items()
-            },
+            rises={name: float(shift @ lift) for name, shift in moved.items()},
+            device=actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
             max_displacement=most(np.linalg.norm(u, axis=1)),
-            max_stretch=most(stretches),
+            max_stretch=peak,
+            max_stretch_at=self._place_of(stretches[..., -1], peak),
             max_von_mises=most(stress),
             J_min=-most(-J),
             J_max=most(J),
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
         )
+
+    def _place_of(self, values: npt.NDArray[np.float64], peak: float) -> tuple[float, float, float]:
+        """Where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
+        eq = self.equilibrium
+        where = np.array([math.inf] * 3)
+        if values.size and values.max() == peak:
+            cell, point = np.unravel_index(int(values.argmax()), values.shape)
+            found = self._places.eval(eq.body.mesh, eq.cells[cell : cell + 1]).reshape(values.shape[1], -1)[[point]]
+            flat = np.column_stack([found, np.zeros((1, 3 - found.shape[1]))]) * eq.length_unit
+            where = eq.body.actuator.device_points(flat)[0]
+        # The same peak on two ranks is one of symmetry; the smaller coordinates stand for both.
+        x, y, z = (-largest(eq.comm, -float(value)) for value in where)
+        return x, y, z
 
     def nodal(self, state: State) -> dict[str, npt.NDArray[np.float64]] | None:
         """Fields over the grid's nodes by name, SI units, on rank 0; None elsewhere.
