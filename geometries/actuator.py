@@ -24,7 +24,7 @@ __all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vec
 
 Vector = tuple[float, float, float]
 
-RECIPE = 1
+RECIPE = 2
 """Part of every key: raise it when the same parameters give another mesh, so that stored meshes are made anew."""
 
 
@@ -74,6 +74,9 @@ class Actuator(ABC):
 
     stem: ClassVar[str] = "device"
     """Name of its result files and default folder where a case has no name."""
+
+    faces: ClassVar[tuple[str, ...]] = ()
+    """Physical groups on the outside that a thin sheet can be bonded to."""
 
     stiffer: ClassVar[str] = "thicker walls"
     """What bears more pressure before it balloons, with the options; a clause for messages."""

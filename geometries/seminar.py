@@ -51,21 +51,22 @@ class SeminarActuator(Actuator):
     channels: int = choice_field(5, tuple(range(1, 13)), "number of channels")
     spread: float = angle_field(100.0, "angle between the outermost channels, which is that of the manifold's arc")
     manifold_radius: float = length_field(0.012, "radius of the manifold's arc around the middle of the base")
-    manifold_bore: float = length_field(0.0013, "radius of the manifold's round section")
-    channel_bore: float = length_field(0.0008, "radius of a channel's section at the manifold")
-    end_bore: float = length_field(0.0012, "radius of a channel's section at its end, which is round")
+    manifold_bore: float = length_field(0.0009, "radius of the manifold's round section")
+    channel_bore: float = length_field(0.0007, "radius of a channel's section at the manifold")
+    end_bore: float = length_field(0.0010, "radius of a channel's section at its end, which is round")
     offset: float = length_field(
         -0.001, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
     )
     edge: float = length_field(0.004, "solid between the channels' ends and the slab's sides")
     least_wall: float = length_field(0.0005, "thinnest solid allowed between channels and faces, and between channels")
     cell_size: float = length_field(0.005, "edge length of the cells far from the channels")
-    around: float = number_field(6.0, "cells around a channel's section")
+    around: float = number_field(10.0, "cells around a channel's section")
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
     part: str = choice_field("half", ("half", "full"), "half up to the mirror plane, or the full slab")
     tip: str = choice_field("free", ("free", "held"), "tip free to move, or its rounding held along z (blocked force)")
 
     stem: ClassVar = "seminar"
+    faces: ClassVar = ("top", "bottom")
     stiffer: ClassVar = "narrower channels (--end-bore, --manifold-bore), a thicker slab (--thickness)"
     examples: ClassVar = (
         "--channels 7 --spread 120deg",

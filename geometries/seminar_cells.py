@@ -33,27 +33,32 @@ def wall_size(slab: SeminarActuator, radius: float) -> float:
 
 def size_function(slab: SeminarActuator) -> Callable[[float, float, float], float]:
     """Return the cell size in m as a function of the place in m."""
-    rays = [(math.cos(a), math.sin(a), found) for a in angles(slab) if (found := channel(slab, a)) is not None]
     half, arc, bore = 0.5 * math.radians(slab.spread), slab.manifold_radius, slab.manifold_bore
     on_arc, far, level = wall_size(slab, bore), slab.cell_size, slab.offset
-    if slab.part == "half":
-        rays = [ray for ray in rays if ray[1] > -1e-9]
+    around, middle = 2.0 * math.pi / slab.around, 0.5 * slab.thickness - abs(slab.offset)
+    ends = [(arc * math.cos(end), arc * math.sin(end)) for end in (-half, half)]
+    rays = [
+        (math.cos(a), math.sin(a), line.start, line.centre, line.bore, line.slope)
+        for a in angles(slab)
+        if (line := channel(slab, a)) is not None and (slab.part == "full" or a > -1e-9)
+    ]
 
+    # Gmsh asks a million times: plain arithmetic, nothing looked up twice.
     def size(x: float, y: float, z: float) -> float:
         z -= level
-        angle = math.atan2(y, x)
-        if abs(angle) <= half:
+        if abs(math.atan2(y, x)) <= half:
             away = math.hypot(math.hypot(x, y) - arc, z)
         else:
-            end = math.copysign(half, angle)
-            away = math.hypot(x - arc * math.cos(end), y - arc * math.sin(end), z)
-        best = on_arc + GROWTH * max(0.0, away - bore)
-        for c, s, found in rays:
-            along = min(max(c * x + s * y, found.start), found.centre)
-            away = math.hypot(x - c * along, y - s * along, z)
-            radius = found.radius(along)
-            best = min(best, wall_size(slab, radius) + GROWTH * max(0.0, away - radius))
-        return min(far, best)
+            ex, ey = ends[y > 0.0]
+            away = math.hypot(x - ex, y - ey, z)
+        best = min(far, on_arc + GROWTH * max(0.0, away - bore))
+        for c, s, start, centre, first, slope in rays:
+            along = min(max(c * x + s * y, start), centre)
+            radius = first + slope * (along - start)
+            away = math.hypot(x - c * along, y - s * along, z) - radius
+            wall = min(around * radius, (middle - radius) / THROUGH)
+            best = min(best, wall + GROWTH * away if away > 0.0 else wall)
+        return best
 
     return size
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,8 @@ QUADRATURE_DEGREE = 2
 """Exact for the products of linear gradients, which is what second-order elements need for their full rate."""
 
 SURFACE_DEGREE = 4
-CAVITY = 1
-"""Tag of the cavity's facets in the forms: the same for every mesh, since another number would compile them again."""
+CAVITY, SHEET = 1, 2
+"""Tags of the cavity's and a sheet's facets in the forms: the same for every mesh, or they would be compiled again."""
 
 
 class BodyError(RuntimeError):
@@ -87,13 +88,48 @@ class Body:
     def skew_inverse(self) -> npt.NDArray[np.float64]:
         return np.linalg.inv(self.skew)
 
-    def measures(self) -> tuple[Any, Any]:
-        """UFL measures over the reference body and its cavity wall, for the slice in 3-D, for the device in 2-D."""
+    def measures(self, sheet: str | None = None) -> tuple[Any, Any]:
+        """UFL measures over the reference body and its cavity wall, for the slice in 3-D, for the device in 2-D.
+
+        Args:
+            sheet: The role that `sheet_face` gives the measure of in the same form: a form takes one set of facet tags.
+        """
         import ufl
 
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
-        ds = ufl.Measure("ds", self.mesh, subdomain_data=self.cavity, metadata={"quadrature_degree": SURFACE_DEGREE})
-        return dx, ds(CAVITY)
+        return dx, self._on_facets(sheet)(CAVITY)
+
+    def sheet_face(self, role: str) -> tuple[Any, Any]:
+        """UFL measure over the facets of a role, and their undeformed normal with three components.
+
+        Raises:
+            BodyError: The mesh has no facets of this role.
+        """
+        import ufl
+
+        N = ufl.FacetNormal(self.mesh)
+        return self._on_facets(role)(SHEET), ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
+
+    def _on_facets(self, sheet: str | None) -> Any:
+        import ufl
+
+        tags = self.cavity if sheet is None else self._with_sheet(sheet)
+        return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
+
+    @functools.lru_cache  # noqa: B019  (one body, one or two roles, and UFL asks for the same object each time)
+    def _with_sheet(self, role: str) -> Any:
+        """The cavity's facet tags, and `SHEET` on the facets of a role."""
+        from dolfinx import mesh as meshes
+
+        tdim = self.mesh.topology.dim
+        dimension, facets = self.entities.get(role, (-1, None))
+        if dimension != tdim - 1:
+            faces = ", ".join(name for name, (found, _) in self.entities.items() if found == tdim - 1)
+            raise BodyError(f"the mesh has no face named {role!r}; it has {faces}")
+        everything = np.concatenate([self.cavity.indices, facets])
+        order = np.argsort(everything)
+        values = np.repeat(np.array([CAVITY, SHEET], dtype=np.int32), [len(self.cavity.indices), len(facets)])
+        return meshes.meshtags(self.mesh, tdim - 1, everything[order], values[order])
 
     @property
     def hoop(self) -> Any:

@@ -14,7 +14,7 @@ import click
 from geometries import Actuator, GeometryError
 from geometries.options import QuantityType, device_from, device_options
 from measurement.units import WATER_DENSITY
-from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series
+from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series, sheet_from
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import MaterialError
 from softmodels.parallel import StartError, speaks
@@ -69,6 +69,7 @@ def device_command(
     name = device.stem
 
     def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
+                sheet: str | None, sheet_stiffness: float | None,
                 output: Path | None, resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...],
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
@@ -79,6 +80,7 @@ def device_command(
                 pressures_cm=series(pressure_cm, "pressure") if pressure_cm is not None else (),
                 volumes_ml=series(volume_ml, "volume") if volume_ml is not None else (),
                 water_density=water_density, control=control, formulation=formulation,
+                sheet=sheet_from(sheet, sheet_stiffness) if (sheet, sheet_stiffness) != (None, None) else None,
             )  # fmt: skip
 
         execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc)
@@ -91,6 +93,10 @@ def device_command(
                         help="Displacement and pressure, or displacement alone (compressible studies).")(made)  # fmt: skip
     made = click.option("--control", type=click.Choice(CONTROLS), default="auto", show_default=True,
                         help="What the path follows.")(made)  # fmt: skip
+    made = click.option("--sheet-stiffness", type=QuantityType("N/m"),
+                        help="Young's modulus times thickness of the sheet, such as 50kN/m.")(made)  # fmt: skip
+    made = click.option("--sheet", metavar="FACE",
+                        help=f"Bond a thin sheet to a face of the device: {', '.join(device.faces)}.")(made)  # fmt: skip
     text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
     made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
     made = material_options(made, default)

@@ -144,7 +144,7 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
     try:
         body = Body.from_file(case.actuator, mesh, comm)
         with compiling():
-            equilibrium = Equilibrium(body, case.material, case.formulation)
+            equilibrium = Equilibrium(body, case.material, case.formulation, case.sheet)
             fields = Fields(equilibrium)
     except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error
