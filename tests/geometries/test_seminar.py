@@ -107,7 +107,7 @@ def test_mesh_is_the_shape(mesh):
     assert found.quality > 0.05  # no cell is turned inside out, curved edges counted
     assert found.measure * slab.copies == pytest.approx(slab.solid_volume, rel=1e-4)
     lost = 2 * outline_area(slab) * slab.thickness - found.measure * slab.copies
-    assert lost == pytest.approx(slab.cavity_volume, rel=5e-3)
+    assert lost == pytest.approx(slab.cavity_volume, rel=1e-2)
 
 
 def test_roles_lie_where_they_should(mesh):
@@ -129,7 +129,7 @@ def test_full_slab_is_two_halves(mesh):
     half, _ = mesh()
     full, path = mesh(part="full")
     assert full.solid_volume == pytest.approx(half.solid_volume, rel=1e-12) and full.copies == 1
-    assert summarize(path).measure == pytest.approx(full.solid_volume, rel=1e-4)
+    assert summarize(path).measure == pytest.approx(full.solid_volume, rel=3e-4)
     found = groups(path)
     assert "plane0" not in found
     assert found["cavity"][:, 1].min() == pytest.approx(-found["cavity"][:, 1].max(), rel=1e-6)
