@@ -151,6 +151,11 @@ class Actuator(ABC):
         return {}
 
     @property
+    def ratios(self) -> tuple[float, ...]:
+        """Pressure in each cavity ("cavity", "cavity2", ...) over the cavity pressure; one cavity unless a device has more."""
+        return (1.0,)
+
+    @property
     @abstractmethod
     def cavity_volume(self) -> float:
         """Volume in m3 of the whole device's undeformed cavity, in closed form."""

@@ -35,6 +35,7 @@ SETTINGS = {
     "Mesh.MeshSizeExtendFromBoundary": 0,
     "Mesh.MeshSizeFromPoints": 0,
     "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeMax": 1e22,
     "Mesh.SecondOrderLinear": 0,
     "Mesh.SecondOrderIncomplete": 0,
     "Mesh.MshFileVersion": 4.1,
@@ -188,7 +189,9 @@ def _generate(actuator: Actuator) -> None:
     if _worst(actuator.dimension) > LEAST_QUALITY:
         return
     # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
-    with contextlib.suppress(Exception):  # bare, and of no consequence: its solver gave up, and the cells are judged next
+    with contextlib.suppress(
+        Exception
+    ):  # bare, and of no consequence: its solver gave up, and the cells are judged next
         gmsh.model.mesh.optimize("HighOrderElastic")
     if _worst(actuator.dimension) <= LEAST_QUALITY:
         _straighten(actuator.dimension)

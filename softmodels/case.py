@@ -135,8 +135,12 @@ class Case:
         return tomli_w.dumps(tables)
 
     @classmethod
-    def from_toml(cls, text: str) -> Case:
+    def from_toml(cls, text: str, folder: Path | None = None) -> Case:
         """Read a case file; what is left out has its default.
+
+        Args:
+            text: The file's text.
+            folder: The file's folder, from which a part's own file is counted.
 
         Raises:
             CaseError: Not TOML, unknown tables or names, or an impossible case.
@@ -156,7 +160,7 @@ class Case:
             if table not in tables:
                 raise CaseError(f"the case has no [{table}] table")
         try:
-            actuator = geometry_table.from_table(tables["geometry"])
+            actuator = geometry_table.from_table(_found(tables["geometry"], folder))
             return cls(
                 name=tables.get("name", actuator.stem),
                 actuator=actuator,
@@ -177,7 +181,7 @@ class Case:
     def from_file(cls, path: Path) -> Case:
         """Read a case file; see `from_toml`. The messages name the file."""
         try:
-            return cls.from_toml(path.read_text())
+            return cls.from_toml(path.read_text(), path.parent)
         except (OSError, UnicodeDecodeError) as error:
             raise CaseError(f"case file {path} cannot be read ({getattr(error, 'strerror', None) or error})") from None
         except CaseError as error:
@@ -208,6 +212,14 @@ def sheet_from(face: Any, stiffness: Any) -> Sheet:
         return Sheet(face, quantity(stiffness, "N/m") if isinstance(stiffness, str) else stiffness)
     except UnitError as error:
         raise CaseError(f"sheet stiffness: {error}") from None
+
+
+def _found(geometry: dict[str, Any], folder: Path | None) -> dict[str, Any]:
+    """A geometry table whose ``file`` is an absolute path: the case.toml of the results lies in another folder."""
+    file = geometry.get("file")
+    if not isinstance(file, str) or not file:
+        return geometry
+    return {**geometry, "file": str((folder or Path()).resolve() / file)}
 
 
 def _density(value: Any) -> float:

@@ -25,9 +25,9 @@ def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
         return (
             f"{asked} was not reached: {end}. The last state is at {last.pressure / case.cm:.4g} cm "
             f"({last.pressure:.4g} Pa), {device.gauge} {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
-            f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. If the curve was flattening, use --control auto or "
-            "arc-length, which pass limit points; otherwise refine the mesh (--cell-size), or look at the last state for "
-            "cells that fold"
+            f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. If the curve was flattening, use "
+            "--control auto or arc-length, which pass limit points; otherwise refine the mesh (--cell-size), or look at the "
+            "last state for cells that fold"
         )
     at = fields.figures(end.limit.state)
     return (

@@ -118,13 +118,13 @@ class Equilibrium:
             density += p * (strain.J - 1) - self.bulk / 2 * p**2
         else:
             density += self.bulk / 2 * (strain.J - 1) ** 2
-        dx, ds = body.measures(sheet.face if sheet is not None else None)
+        dx, _ = body.measures()
         stored = density * body.hoop * dx
         if sheet is not None:
             on_face, normal = body.sheet_face(sheet.face)
             energy = membrane_energy(body.deformation_gradient(y), normal)
             stored += self._stiffness * energy * body.hoop * on_face
-        volume = body.volume_integrand(y) * ds
+        volume = body.volume(y, sheet.face if sheet is not None else None)
         inner, load = ufl.derivative(stored, self.w, test), ufl.derivative(volume, self.w, test)
         jit = {"cffi_extra_compile_args": ["-O2"]}
         form = functools.partial(fem.form, jit_options=jit)

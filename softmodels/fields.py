@@ -68,6 +68,12 @@ class Figures:
     stored_energy: float
 
 
+def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Matrix that takes values at points of the reference cell to the least-squares linear function's at places."""
+    at_points, at_places = (np.column_stack([np.ones(len(x)), x]) for x in (points, places))
+    return at_places @ np.linalg.pinv(at_points)
+
+
 def _place(start: Vector, shift: npt.NDArray[np.float64]) -> Vector:
     x, y, z = np.asarray(start) + shift
     return float(x), float(y), float(z)
@@ -76,8 +82,9 @@ def _place(start: Vector, shift: npt.NDArray[np.float64]) -> Vector:
 class Fields:
     """Nodal fields and key figures of an equilibrium's states.
 
-    Stresses and stretches at a node are the mean of the adjoining cells' values there, the volume ratio that of the
-    cells' own means.
+    Stresses and stretches at a node are the mean of what the adjoining cells have there by a linear fit through their
+    integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where
+    it nearly folds they are beyond all bounds. The volume ratio is the mean of the cells' own means.
     """
 
     def __init__(self, equilibrium: Equilibrium):
@@ -89,7 +96,7 @@ class Fields:
         space = self.grid.space
         options = {"jit_options": {"cffi_extra_compile_args": ["-O2"]}}
         F = equilibrium.body.deformation_gradient(equilibrium.displacement, at_axis=True)
-        self._at_nodes = fem.Expression(F, space.element.interpolation_points, **options)
+        self._to_nodes = _linear_fit(equilibrium.points, space.element.interpolation_points)
         self._at_points = fem.Expression(F, equilibrium.points, **options)
         self._dofs = space.dofmap.list[: len(equilibrium.cells)]
         self._sum = la.vector(space.dofmap.index_map, 1)
@@ -182,17 +189,17 @@ class Fields:
         """
         eq = self.equilibrium
         eq.load(state)
-        F = self._gradients(self._at_nodes)
+        F = self._gradients(self._at_points)
         stretches = principal_stretches(F)
-        stress = von_mises(shape_stresses(eq.material, stretches))
-        means = np.linalg.det(self._gradients(self._at_points)).mean(axis=1)
-        J = np.repeat(means[:, None], F.shape[1], axis=1)
+        stress = np.maximum(von_mises(shape_stresses(eq.material, stretches)) @ self._to_nodes.T, 0.0)
+        stretch = np.maximum(stretches[..., -1] @ self._to_nodes.T, 0.0)
+        J = np.repeat(np.linalg.det(F).mean(axis=1)[:, None], len(self._to_nodes), axis=1)
         fields = {
             "displacement": self._displacement(state),
             "p": self._pressure(state, J) * eq.stress_unit,
             **{
                 name: self._added(values) / self._share
-                for name, values in (("von_mises_stress", stress), ("largest_stretch", stretches[..., -1]), ("J", J))
+                for name, values in (("von_mises_stress", stress), ("largest_stretch", stretch), ("J", J))
             },
         }
         whole = {name: self.grid.collect(values) for name, values in fields.items()}

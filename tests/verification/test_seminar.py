@@ -57,7 +57,10 @@ def test_half_is_the_full_slab(inflated):
     assert lifts(full) == pytest.approx(lifts(half), rel=0.02)
     volumes = [[figure.added_volume for figure in figures] for figures in (half, full)]
     assert volumes[0] == pytest.approx(volumes[1], rel=0.01)
-    assert all(figure.stored_energy == pytest.approx(other.stored_energy, rel=0.01) for figure, other in zip(half, full, strict=True))
+    assert all(
+        figure.stored_energy == pytest.approx(other.stored_energy, rel=0.01)
+        for figure, other in zip(half, full, strict=True)
+    )
 
 
 def test_motion_grows_faster_than_the_pressure(inflated):
