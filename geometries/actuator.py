@@ -139,6 +139,11 @@ class Actuator(ABC):
         """Name of the probe whose rise along `lift` stands for the device's motion: the first one."""
         return next(iter(self.probes))
 
+    @property
+    def blocked(self) -> str | None:
+        """Role that is held along the lift, so that the device pushes on it with its blocked force; None if it is free."""
+        return None
+
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """What this kind of device is judged by, beyond the rise of its probes; nothing unless a device says so.
 

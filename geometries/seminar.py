@@ -107,6 +107,10 @@ class SeminarActuator(Actuator):
         half = 0.5 * self.thickness
         return {"tip": (self.length, 0.0, half), "tip_below": (self.length, 0.0, -half)}
 
+    @property
+    def blocked(self) -> str | None:
+        return "tip" if self.tip == "held" else None
+
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """How the slab is bent, from where its tip is; see `Actuator.device_figures`.
 

@@ -222,6 +222,25 @@ class Equilibrium:
         """Energy stored in the body in the current state."""
         return self._scalar(self._stored)
 
+    def force(self, role: str, component: int) -> float:
+        """Force of the current state on whatever holds a role along a component of w, of the slice, dimensionless.
+
+        It is what the potential would lose per displacement there: -d(stored - P V)/dw summed over the role's dofs.
+        """
+        from dolfinx import fem, la
+
+        vectors = self.space.sub(0) if self.mixed else self.space
+        dimension, found = self.body.entities[role]
+        dofs = fem.locate_dofs_topological(vectors.sub(component), dimension, found)
+        b = self._vector.x
+        total_force = 0.0
+        for form, factor in ((self._inner, -1.0), (self._load, float(self.P.value))):
+            b.array[:] = 0.0
+            fem.assemble_vector(b.array, form)
+            b.scatter_reverse(la.InsertMode.add)
+            total_force += factor * float(b.array[dofs[dofs < self.n]].sum())
+        return total(self.comm, total_force)
+
     def smallest_J(self) -> float:
         """Smallest volume ratio at the integration points of the current state."""
         values = self._J.eval(self.body.mesh, self.cells)

@@ -158,7 +158,10 @@ class Fields:
             pressure=state.P * eq.stress_unit,
             added_volume=(state.V - self.rest_volume) * eq.volume_unit,
             rises={name: float(shift @ lift) for name, shift in moved.items()},
-            device=actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
+            device={
+                **actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
+                **self._blocked(),
+            },
             max_displacement=most(np.linalg.norm(u, axis=1)),
             max_stretch=peak,
             max_stretch_at=self._place_of(stretches[..., -1], peak),
@@ -167,6 +170,17 @@ class Fields:
             J_max=most(J),
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
         )
+
+    def _blocked(self) -> dict[str, float]:
+        """Force in N of the whole device on what blocks it, if something does."""
+        eq = self.equilibrium
+        role = eq.body.actuator.blocked
+        if role is None:
+            return {}
+        # Held along the lift, so one row of the skew basis is the lift.
+        component = int(np.argmax(eq.body.skew @ np.asarray(eq.body.actuator.lift)))
+        unit = eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
+        return {"blocked_force_N": eq.force(role, component) * unit}
 
     def _place_of(self, values: npt.NDArray[np.float64], peak: float) -> tuple[float, float, float]:
         """Where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""

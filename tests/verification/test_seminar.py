@@ -93,3 +93,23 @@ def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
     assert with_sheet.max_stretch < plain.max_stretch and with_sheet.added_volume < plain.added_volume
     # A side that cannot grow long bends the slab towards itself: the motion turns round.
     assert with_sheet.device["tip_z_mm"] < 0 < plain.device["tip_z_mm"]
+
+
+def test_held_tip_pushes(inflated, equilibrium):
+    """The blocked force is the slope of the energy against the hold: it grows with the pressure and pushes up."""
+    held = inflated(tip="held")
+    forces = np.array([figure.device["blocked_force_N"] for figure in held])
+    assert np.abs(lifts(held)).max() < 1e-9
+    assert np.all(forces > 0) and np.all(np.diff(forces) > 0)
+    # A free tip carries nothing.
+    slab = SeminarActuator(**COARSE)
+    equations = equilibrium(slab, LAW)
+    from softmodels.loading import Path, trace
+
+    *_, last = trace(Path(equations), [PRESSURES[-1] / equations.stress_unit])
+    equations.load(last.state)
+    unit = equations.stress_unit * equations.length_unit**2 * slab.copies
+    lift = int(np.argmax(equations.body.skew @ np.asarray(slab.lift)))
+    assert abs(equations.force("tip", lift) * unit) < 1e-6 * forces[-1]
+    # All that the clamp carries along z balances the pressure alone: a closed cavity pulls nothing.
+    assert abs(equations.force("support", lift) * unit) < 1e-6 * forces[-1]
