@@ -185,15 +185,21 @@ class Fields:
     def _place_of(self, values: npt.NDArray[np.float64], peak: float) -> tuple[float, float, float]:
         """Where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
         eq = self.equilibrium
-        where = np.array([math.inf] * 3)
-        if values.size and values.max() == peak:
-            cell, point = np.unravel_index(int(values.argmax()), values.shape)
-            found = self._places.eval(eq.body.mesh, eq.cells[cell : cell + 1]).reshape(values.shape[1], -1)[[point]]
-            flat = np.column_stack([found, np.zeros((1, 3 - found.shape[1]))]) * eq.length_unit
-            where = eq.body.actuator.device_points(flat)[0]
-        # The same peak on two ranks is one of symmetry; the smaller coordinates stand for both.
-        x, y, z = (-largest(eq.comm, -float(value)) for value in where)
-        return x, y, z
+        found = np.empty((0, 3))
+        near = values >= peak * (1 - 1e-9)
+        cells = np.flatnonzero(near.any(axis=1))
+        if cells.size:
+            places = self._places.eval(eq.body.mesh, eq.cells[cells])
+            places = places.reshape(*near[cells].shape, -1)[near[cells]]
+            flat = np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]) * eq.length_unit
+            found = eq.body.actuator.device_points(flat)
+        # Of equal ones, as at rest, the first in order of x, y, z: no rounding and no rank decides.
+        place = []
+        for axis in range(3):
+            least = -largest(eq.comm, -float(found[:, axis].min()) if len(found) else -math.inf)
+            found = found[found[:, axis] <= least + 1e-9 * eq.length_unit]
+            place.append(least)
+        return place[0], place[1], place[2]
 
     def nodal(self, state: State) -> dict[str, npt.NDArray[np.float64]] | None:
         """Fields over the grid's nodes by name, SI units, on rank 0; None elsewhere.
