@@ -242,7 +242,8 @@ def _erf_fit(place: Array, normal: Array, profile: Array, weight: Array, offsets
         & (width < 0.7 * reach) & (error < 0.3 * reach) & (contrast > 0.2)
     )  # fmt: skip
     # Dust on the edge spoils the curve's shape before it moves its middle much.
-    spoilt = (own > SPOILT**2 * np.median(own[good])) | (np.abs(np.log(width / _local_median(width))) > 0.35)
+    usual = np.median(own[good]) if good.any() else np.inf
+    spoilt = (own > SPOILT**2 * usual) | (np.abs(np.log(width / _local_median(width))) > 0.35)
     if good.any() and (spoilt & good).sum() < 0.2 * good.sum():
         good &= ~spoilt
     shape_misfit, on_ink = _shape_misfit(
