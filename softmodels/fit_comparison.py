@@ -1,0 +1,75 @@
+"""Which of several laws the data prefer."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+from softmodels.fit_result import Fit
+
+UNDECIDED = 2.0
+"""Laws whose criteria differ by less than this are equally good (Burnham & Anderson 2002, section 2.6)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Ranked:
+    """A fit with its criteria relative to the best one's, which are 0."""
+
+    fit: Fit
+    aicc: float
+    bic: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Fits of the same data, best first, and what that means."""
+
+    ranked: tuple[Ranked, ...]
+    sentence: str
+
+
+def compare(fits: Sequence[Fit]) -> Comparison:
+    """Rank fits of the same measurements by the quasi-likelihood form of Akaike's corrected criterion.
+
+    QAICc divides the deviance by the variance that remains in the closest fit, its runs of like sign counted, so that a
+    thousand points on a curve that no law follows exactly do not pass for a thousand arguments (Burnham & Anderson 2002,
+    Model Selection and Multimodel Inference, section 2.5). The BIC is formed likewise.
+
+    Args:
+        fits: At least one, all of the same sources with the same loss.
+
+    Raises:
+        ValueError: They are not of the same measurements.
+    """
+    if len({(fit.count, fit.loss, fit.errors) for fit in fits}) != 1:
+        raise ValueError("only fits of the same measurements, with the same loss and errors, can be compared")
+    closest = min(fits, key=lambda fit: fit.deviance)
+    worth = max(closest.dispersion * closest.count / closest.independent, 1e-300)
+    if closest.loss != "linear":
+        worth *= closest._weights[1]
+    made = []
+    for fit in fits:
+        m = len(fit.free) + 1
+        misfit = fit.deviance / worth
+        aicc = misfit + 2 * m + 2 * m * (m + 1) / max(closest.independent - m - 1, 1.0)
+        made.append(Ranked(fit, aicc, misfit + m * math.log(max(closest.independent, 1.0))))
+    # A fit that did not converge has no criterion worth ranking by.
+    made.sort(key=lambda one: (not one.fit.converged, one.aicc))
+    least, lowest = made[0].aicc, min(one.bic for one in made)
+    ranked = tuple(dataclasses.replace(one, aicc=one.aicc - least, bic=one.bic - lowest) for one in made)
+    return Comparison(ranked, _sentence(ranked))
+
+
+def _sentence(ranked: tuple[Ranked, ...]) -> str:
+    first = ranked[0].fit.label
+    if len(ranked) == 1:
+        return f"{first} is the only law fitted, so nothing says whether another would do better"
+    equal = [one.fit.label for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged]
+    if equal:
+        fewest = min(
+            (one for one in ranked if one.aicc < UNDECIDED and one.fit.converged), key=lambda one: len(one.fit.free)
+        )
+        return f"the data do not decide between {first} and {', '.join(equal)}; take {fewest.fit.label}, the simplest"
+    second = ranked[1]
+    return f"the data prefer {first}: the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells)"
