@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fit_result import Fit
-from softmodels.fitting import CannotEvaluate, Parameter, Problem
+from softmodels.fitting import CannotEvaluate, Parameter, Problem, loss_of
 
 Array = npt.NDArray[np.float64]
 REACH = 1.6
@@ -131,8 +131,6 @@ def _held(result: Fit, name: str, value: float, warm: dict[str, float]) -> tuple
         if not np.isfinite(rows).all():
             return None
         if not problem.free:
-            from softmodels.fitting import loss_of
-
             return float(loss_of(result.loss, rows**2, 0)[0].sum()) + extra, problem.values(x)
         found = problem.solve(x, RESTART_TOLERANCE, 100)
     except CannotEvaluate:
