@@ -193,9 +193,9 @@ class Problem:
                 if name in column:
                     block[:, column[name]] = slope
             blocks.append(block)
-            rows.groups += [str(label) for label in labels]
-            rows.sizes += np.broadcast_to(getattr(source, "errors", 1.0), (len(J),)).tolist()
-            rows.units += [str(getattr(source, "unit", "errors"))] * len(J)
+            rows.groups.extend(str(label) for label in labels)
+            rows.sizes.extend(np.broadcast_to(getattr(source, "errors", 1.0), (len(J),)).tolist())
+            rows.units.extend([str(getattr(source, "unit", "errors"))] * len(J))
         priors = [p for p in self.free if p.prior]
         block = np.zeros((len(priors), len(self.free)))
         for row, p in enumerate(priors):
@@ -233,7 +233,7 @@ def fit(
     parameters: Sequence[Parameter],
     *,
     loss: str = "linear",
-    starts: int = 1,
+    starts: int | Sequence[Mapping[str, float]] = 1,
     errors: str = "stated",
     label: str = "",
     tolerance: float = 1e-10,
@@ -246,7 +246,8 @@ def fit(
         parameters: Every parameter the sources name.
         loss: ``"linear"`` (least squares) or ``"soft_l1"``, in which residuals far above 1 count by their size and not by
             its square.
-        starts: How many starting points: the parameters' own, then quasi-random ones around it (always the same).
+        starts: How many starting points: the parameters' own, then quasi-random ones around it (always the same). Or the
+            starting values themselves; what they leave out, or have outside the bounds, starts where its parameter says.
         errors: ``"stated"``: the sources' errors are believed unless the scatter is larger. ``"unknown"``: only their
             ratios are; their size follows from the scatter.
         label: What is fitted, for reports.
@@ -256,7 +257,7 @@ def fit(
     Raises:
         FitError: The task is impossible, or no start could be evaluated.
     """
-    _check(sources, parameters, loss, errors, starts)
+    _check(sources, parameters, loss, errors)
     problem = Problem(sources, parameters, loss)
     runs: list[StartResult] = []
     best: Any = None
@@ -273,7 +274,7 @@ def fit(
         if best is None or found.cost < best.cost:
             best = found
     if best is None:
-        raise FitError(f"the fit cannot start: {runs[0].trouble}")
+        raise FitError(f"the fit cannot start: {runs[0].trouble if runs else 'no starting values are given'}")
     return _judge(problem, best, runs, errors, label)
 
 
@@ -335,21 +336,23 @@ def _apart(run: StartResult, result: Fit) -> bool:
     return False
 
 
-def _starting_points(free: Sequence[Parameter], count: int) -> list[Array]:
-    """Coordinates: the given start, then Halton points within a factor e^1.5, or one size, around it."""
+def _starting_points(free: Sequence[Parameter], starts: int | Sequence[Mapping[str, float]]) -> list[Array]:
+    """Coordinates: the given ones; or the parameters' own, then Halton points a factor e^1.5, or one size, around it."""
     origin = np.array([p.inward(p.start) for p in free], dtype=float)
+    if not isinstance(starts, int):
+        chosen = [[start.get(p.name, p.start) for p in free] for start in starts]
+        held = [[v if p.lower <= v <= p.upper else p.start for p, v in zip(free, one, strict=True)] for one in chosen]
+        return [np.array([p.inward(v) for p, v in zip(free, one, strict=True)], dtype=float) for one in held]
     points = [origin]
-    if count > 1 and free:
+    if starts > 1:
         spread = np.array([1.5 if p.logarithmic else 1.0 for p in free])
         bounds = np.array([[p.inward(p.lower), p.inward(p.upper)] for p in free])
-        for unit in qmc.Halton(len(free), scramble=False).random(count)[1:]:
+        for unit in qmc.Halton(len(free), scramble=False).random(starts)[1:]:
             points.append(np.clip(origin + spread * (2 * unit - 1), bounds[:, 0], bounds[:, 1]))
     return points
 
 
-def _check(
-    sources: Sequence[Residuals], parameters: Sequence[Parameter], loss: str, errors: str, starts: int
-) -> None:
+def _check(sources: Sequence[Residuals], parameters: Sequence[Parameter], loss: str, errors: str) -> None:
     names = [p.name for p in parameters]
     used = {name for source in sources for name in source.parameters}
     if not sources:
@@ -358,8 +361,6 @@ def _check(
         raise FitError(f"loss {loss!r} is not one of {', '.join(LOSSES)}")
     if errors not in ERRORS:
         raise FitError(f"errors {errors!r} is not one of {', '.join(ERRORS)}")
-    if starts < 1:
-        raise FitError(f"{starts} starts; at least one is needed")
     if len(set(names)) < len(names):
         raise FitError(f"a parameter is given twice among {', '.join(names)}")
     if missing := used - set(names):
