@@ -113,15 +113,15 @@ class Fit:
         return len(self.rows.groups)
 
     @functools.cached_property
-    def at_bounds(self) -> tuple[str, ...]:
-        """Free parameters that ended at a bound."""
-        names = []
+    def at_bounds(self) -> dict[str, float]:
+        """Free parameters that ended at a bound, and which."""
+        found = {}
         for p in self.free:
             x = p.inward(self.values[p.name])
-            near = 1e-6 * max(1.0, abs(x))
-            if any(abs(x - p.inward(end)) <= near for end in (p.lower, p.upper) if math.isfinite(end)):
-                names.append(p.name)
-        return tuple(names)
+            for end in (p.lower, p.upper):
+                if math.isfinite(end) and abs(x - p.inward(end)) <= 1e-6 * max(1.0, abs(x)):
+                    found[p.name] = end
+        return found
 
     # -- scatter ------------------------------------------------------------------------------------------------------
 

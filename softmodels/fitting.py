@@ -300,7 +300,7 @@ def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, l
             f"the fit stopped where a further step would still move it by {step:.2g} standard errors; "
             "its values are not to be trusted"
         )
-    troubles += [f"{name} ended at its bound {result.values[name]:.4g}" for name in result.at_bounds]
+    troubles += [f"{name} ended at its bound {bound:.4g}" for name, bound in result.at_bounds.items()]
     troubles += _disagreement(runs, result)
     return dataclasses.replace(result, troubles=tuple(troubles))
 
