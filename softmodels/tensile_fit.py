@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from measurement.units import UnitError, quantity
 from softmodels.fit_result import Fit
-from softmodels.fitting import CannotEvaluate, FitError, Parameter, Prior, fit
+from softmodels.fitting import CannotEvaluate, FitError, Parameter, Prior, Residuals, fit
 from softmodels.law_choice import LawChoice, closed_starts, distinct
 from softmodels.materials import Material, MaterialError
 from softmodels.specimens import respond
@@ -162,6 +162,8 @@ def fit_law(
     sources: Sequence[TensileResiduals],
     others: Sequence[Parameter] = (),
     *,
+    more: Sequence[Residuals] = (),
+    modulus: float = 30e3,
     changes: Mapping[str, Mapping[str, Any]] | None = None,
     loss: str = "linear",
     errors: str = "unknown",
@@ -171,7 +173,9 @@ def fit_law(
     Args:
         choice: The law.
         sources: From `residuals_of`, for this law.
-        others: Parameters beside the law's.
+        others: Parameters beside the law's, those of ``more`` too.
+        more: Further sources that depend on the law's parameters by the names of `LawChoice.names`.
+        modulus: Shear modulus in Pa to start from where there are no curves.
         changes: Fields of `Parameter` to replace, by name of the parameter: ``{"c3": {"start": 0.0, "fixed": True}}``.
         loss: See `softmodels.fitting.fit`; with errors of unknown size, a first fit sets the size that the loss needs.
         errors: See `softmodels.fitting.fit`.
@@ -184,14 +188,15 @@ def fit_law(
         if name not in known:
             raise FitError(f"{choice.name} has no parameter {name!r}; it has {', '.join(sorted(known))}")
     if loss != "linear" and errors == "unknown":
-        pilot = fit_law(choice, sources, others, changes=changes)
+        pilot = fit_law(choice, sources, others, more=more, modulus=modulus, changes=changes, errors=errors)
         spread = 1.4826 * float(np.median(np.abs(pilot.residuals[: pilot.count])))
         sources = [dataclasses.replace(s, errors=s.errors * max(spread, 1e-9)) for s in sources]
     fits = []
-    for starts in distinct(starts_for(choice, sources)).values():
+    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(modulus)]
+    for starts in distinct(guesses).values():
         parameters = [_changed(p, (changes or {}).get(p.name, {})) for p in (*choice.parameters(starts[0]), *others)]
         try:
-            fits.append(fit(sources, parameters, loss=loss, starts=starts, errors=errors, label=choice.name))
+            fits.append(fit([*sources, *more], parameters, loss=loss, starts=starts, errors=errors, label=choice.name))
         except FitError as error:
             trouble = error
     if not fits:
