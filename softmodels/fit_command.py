@@ -34,8 +34,6 @@ def tensile_option(text: str = "Curve of a test, FILE[:TEST]; may be given sever
 def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options for what a curve's file does not say."""
     for flag, unit, text in (
-        ("--thickness", "m", "A balloon's undeformed thickness."),
-        ("--radius", "m", "A balloon's undeformed radius."),
         ("--gauge-length", "m", "Undeformed length, for files with extensions."),
         ("--cross-section", "m^2", "Undeformed cross-section, such as 18mm^2, for files with forces."),
     ):
@@ -60,6 +58,8 @@ def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--prior", "priors", multiple=True, metavar="NAME=VALUE+-ERROR", help="What is known beforehand.")
 @click.option("--robust", is_flag=True, help="Let outliers count by their size, not by its square.")
 @specimen_options
+@click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
+@click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")
 @click.option("--no-profiles", is_flag=True, help="Leave the profile likelihoods out: intervals from the covariance.")
 @click.option("--no-pictures", is_flag=True, help="Leave the pictures and the page out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
@@ -93,7 +93,7 @@ def fit_material(**options: Any) -> None:
         if not options["quiet"]:
             click.echo(as_text(report))
             click.echo(f"written to {options['output']}; go on with --material {options['output'] / 'fitted.toml'}")
-    if not report.chosen.sound:
+    if speaks() and not report.chosen.sound:
         click.echo(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
     sys.exit(DONE if report.chosen.sound else FAILED)
 

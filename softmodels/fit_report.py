@@ -115,7 +115,9 @@ def parameter_rows(one: Fitted) -> list[tuple[str, str, str, str]]:
             continue
         factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
         low, high = (_plain(end * factor, one.fit.error(p.name) * factor) for end in one.interval(p.name))
-        rows.append((p.name, text, unit, f"{low} to {high}" if "nan" not in (low, high) else "at a bound"))
+        ends = [f"{t} (its bound)" if e in (p.lower, p.upper) else t
+                for t, e in zip((low, high), one.interval(p.name), strict=True)]  # fmt: skip
+        rows.append((p.name, text, unit, " to ".join(ends) if "nan" not in (low, high) else "at a bound"))
     return rows
 
 

@@ -313,7 +313,7 @@ def _disagreement(runs: list[StartResult], result: Fit) -> list[str]:
     rivals = [
         run
         for run in runs
-        if math.isfinite(run.deviance) and room < run.deviance - result.deviance <= likely and _apart(run, result)
+        if math.isfinite(run.deviance) and run.deviance - result.deviance <= likely and _apart(run, result)
     ]
     if rivals:
         other = ", ".join(f"{p.name} {rivals[0].values[p.name]:.4g}" for p in result.free)
@@ -328,10 +328,17 @@ def _disagreement(runs: list[StartResult], result: Fit) -> list[str]:
 
 
 def _apart(run: StartResult, result: Fit) -> bool:
-    """Whether a start ended further from the result than the result's own intervals reach."""
+    """Whether a start ended further from the result than the result's own intervals reach.
+
+    Terms that have changed places (Ogden's) are the same result.
+    """
+    here, there = (sorted(values[p.name] for p in result.free) for values in (result.values, run.values))
+    if np.allclose(here, there, rtol=1e-3):
+        return False
     for p in result.free:
         low, high = result.interval(p.name)
-        if not low <= run.values[p.name] <= high:
+        reach = 1e-6 * abs(result.values[p.name])
+        if p.name not in result.at_bounds and not low - reach <= run.values[p.name] <= high + reach:
             return True
     return False
 

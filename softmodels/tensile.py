@@ -5,16 +5,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.specimens import MODE_NAMES
+from softmodels.homogeneous import MODES
 from softmodels.tensile_columns import Column, TensileError, in_si, read_table, told_columns
 
 Array = npt.NDArray[np.float64]
 
-TESTS = (*MODE_NAMES, "balloon")
+TESTS = (*MODES, "balloon")
 SYNONYMS = {
     "uniaxial": "uniaxial", "ut": "uniaxial", "tension": "uniaxial",
     "planar": "planar", "pure-shear": "planar", "ps": "planar",
@@ -220,6 +221,12 @@ def _check_rest(curve: TensileCurve, column: Column) -> None:
             )
     if column.kind == "strain" and abs(curve.stretch[0] - 2) < 0.02 and abs(curve.stress[0]) < 0.01 * top:
         raise TensileError(f"the column {column.header!r} begins at 1 without stress: it holds stretches; see --columns")
+
+
+def strain_of(mode: str, stretch: Any) -> Array:
+    """I1 - 3 of an incompressible specimen, shape of ``stretch``."""
+    powers = MODES[mode][0]
+    return np.asarray(sum(stretch ** (2 * power) for power in powers) - 3)
 
 
 def small_modulus(curve: TensileCurve) -> float:
