@@ -69,7 +69,9 @@ class Shown:
               help="A silicone, a TOML file, or a law with its numbers (yeoh:c1=8kPa,c2=90Pa); may be given several times.")  # fmt: skip
 @click.option("--stretch", default="1:4", show_default=True, metavar="FROM:TO", help="Range of stretch.")
 @click.option("--incompressible", is_flag=True, help="Take Poisson's ratio as 0.5, whatever the material says.")
-@click.option("--radius", type=QuantityType("m"), default=0.02, help="The balloon's undeformed radius.  [default: 20mm]")
+@click.option(
+    "--radius", type=QuantityType("m"), default=0.02, help="The balloon's undeformed radius.  [default: 20mm]"
+)
 @click.option("--thickness", type=QuantityType("m"), default=0.001, help="Its undeformed thickness.  [default: 1mm]")
 @tensile_option("Measured curve to draw beside them, FILE[:TEST].")
 @specimen_options
@@ -99,7 +101,9 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
         materials = [read_material(text, incompressible) for text in names]
         measured = read_curves(options) if options["tensile"] else []
         if min(options["radius"], options["thickness"]) <= 0.0 or options["thickness"] > options["radius"]:
-            raise TensileError("the balloon's radius and thickness must be above zero, and the wall thinner than the radius")
+            raise TensileError(
+                "the balloon's radius and thickness must be above zero, and the wall thinner than the radius"
+            )
     except (MaterialError, TensileError) as error:
         fail(str(error))
     stretches = np.linspace(low, high, POINTS)
@@ -131,8 +135,9 @@ def read_material(text: str, incompressible: bool = False) -> Material:
         if not found:
             raise MaterialError(f"material {text!r}: {part!r} is not KEY=VALUE")
         values[key.strip().replace("-", "_")] = value.strip()
-    material = material_from(name, values)
-    return dataclasses.replace(material, poisson=0.5) if incompressible else material
+    if incompressible:
+        values["poisson"] = "0.5"
+    return material_from(name, values)
 
 
 def as_text(one: Shown, thickness_over_radius: float) -> str:
@@ -162,4 +167,3 @@ def _write(path: Path, many: list[Shown], thickness_over_radius: float) -> None:
                 numbers = [f"{column[i]:.9g}" for column in columns]
                 nu = exact_text(one.material.poisson, "")
                 rows.writerow([one.name, nu, f"{stretch:.9g}", *numbers, f"{thickness_over_radius:.6g}"])
-

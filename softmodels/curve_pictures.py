@@ -37,7 +37,9 @@ def draw(many: Sequence[Shown], measured: Sequence[TensileCurve], radius: float,
                 _mark(axes, one, mode, stress)
             for curve in measured:
                 if curve.mode == mode:
-                    axes.plot(curve.stretch, curve.stress / 1e3, "o", ms=3.5, mfc="none", mec=INK, mew=0.7, label=curve.name)
+                    axes.plot(
+                        curve.stretch, curve.stress / 1e3, "o", ms=3.5, mfc="none", mec=INK, mew=0.7, label=curve.name
+                    )
             axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
             names = BOTH if many[0].stretch[0] < 0.99 else NAMES
             axes.set_title(names[mode])
@@ -70,7 +72,9 @@ def _mark(axes: object, one: Shown, mode: str, stress: np.ndarray) -> None:
 def _limit(axes: object, many: Sequence[Shown], measured: Sequence[TensileCurve], mode: str) -> None:
     """Keep a law near its taut chains, or in strong compression, from flattening the others."""
     stresses = [one.responses[mode].stress / 1e3 for one in many]
-    tops = [np.nanmax(s) for s in stresses] + [c.stress[c.stretch <= many[0].stretch[-1]].max(initial=0.0) / 1e3 for c in measured if c.mode == mode]
+    tops = [np.nanmax(s) for s in stresses] + [
+        c.stress[c.stretch <= many[0].stretch[-1]].max(initial=0.0) / 1e3 for c in measured if c.mode == mode
+    ]
     lows = [np.nanmin(s) for s in stresses]
     top = min(max(tops), 6 * float(np.median(tops)))
     low = max(min(lows), -1.5 * top)

@@ -54,7 +54,9 @@ def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
               help="Standard error of each test's own factor on the stress (cross-section, load cell), such as 3%.")  # fmt: skip
 @click.option("--poisson", type=float, default=0.5, show_default=True, help="Poisson's ratio of the fitted material.")
 @click.option("--fix", "fixes", multiple=True, metavar="NAME=VALUE", help="Keep a parameter, such as c3=0.")
-@click.option("--bounds", "bounds", multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty.")
+@click.option(
+    "--bounds", "bounds", multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty."
+)
 @click.option("--prior", "priors", multiple=True, metavar="NAME=VALUE+-ERROR", help="What is known beforehand.")
 @click.option("--robust", is_flag=True, help="Let outliers count by their size, not by its square.")
 @specimen_options
@@ -149,7 +151,7 @@ def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
     curves = []
     for text in options["tensile"]:
         name, _, test = text.rpartition(":")
-        if not name or test.lower() not in SYNONYMS and Path(text).exists():
+        if not name or (test.lower() not in SYNONYMS and Path(text).exists()):
             name, test = text, "uniaxial"
         curves.append(read_curve(Path(name), test, options["columns"], specimen))
     moduli = [small_modulus(curve) for curve in curves]
@@ -251,5 +253,3 @@ def write(report: Report, folder: Path, draw: bool) -> None:
         for name, data in images.items():
             (folder / name).write_bytes(data)
         (folder / "report.html").write_text(page(report, images), encoding="utf-8")
-
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -166,7 +167,7 @@ def _end(values: Array, rises: Array, best: float, limit: float, sign: float) ->
     """Where the signed root of the rise, nearly straight in the parameter, crosses the limit."""
     outward = [(v, r) for v, r in zip(values, rises, strict=True) if (v - best) * sign >= 0.0]
     outward.sort(key=lambda point: abs(point[0] - best))
-    for (v0, r0), (v1, r1) in zip(outward[:-1], outward[1:], strict=True):
+    for (v0, r0), (v1, r1) in itertools.pairwise(outward):
         if r1 >= limit > r0:
             a, b, goal = math.sqrt(max(r0, 0.0)), math.sqrt(r1), math.sqrt(limit)
             return float(v0 + (v1 - v0) * (goal - a) / (b - a))

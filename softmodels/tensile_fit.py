@@ -148,7 +148,9 @@ def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[d
     curves = [source.curve for source in sources]
 
     def design(material: Material, names: Sequence[str]) -> Any:
-        return np.vstack([respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources])
+        return np.vstack(
+            [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
+        )
 
     target = np.concatenate([source.curve.stress / source.errors for source in sources])
     modulus = float(np.median([small_modulus(curve) for curve in curves]))

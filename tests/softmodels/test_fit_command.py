@@ -65,7 +65,12 @@ def whole(folder):
     words = ["--tensile", "uniaxial.csv", "--tensile", "planar.csv:pure-shear", "--material", "neo-hookean,yeoh,ogden1"]
     words += ["--stretch", "1.05:2.5", "--stress-error", "30Pa", "-o", "out"]
     done = subprocess.run(
-        [sys.executable, "-m", "softmodels.fit", *words], cwd=folder, capture_output=True, text=True, timeout=200, check=False
+        [sys.executable, "-m", "softmodels.fit", *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return folder / "out", done.stdout
@@ -88,7 +93,10 @@ def test_material_file_goes_into_a_simulation(whole):
     assert [material.c1, material.c2] == pytest.approx([LAW.c1, LAW.c2], rel=0.05)
     about = tomllib.loads((folder / "fitted.toml").read_text())["fit"]
     assert "stretch 1.054 to 2.497" in about["range"][0]
-    assert about["values"]["c1"] == material.c1 and about["intervals_95"]["c1"][0] < LAW.c1 < about["intervals_95"]["c1"][1]
+    assert (
+        about["values"]["c1"] == material.c1
+        and about["intervals_95"]["c1"][0] < LAW.c1 < about["intervals_95"]["c1"][1]
+    )
     ogden = tomllib.loads((folder / "fitted-ogden1.toml").read_text())["material"]
     assert ogden["convention"] == "mu/alpha" and isinstance(from_table(ogden), Ogden)
 
@@ -97,7 +105,10 @@ def test_a_disk_takes_the_material_file(whole):
     from softmodels.case import Case
 
     folder, _ = whole
-    case = '[geometry]\ndevice = "HollowDisk"\n[load]\npressure_cm = "0:30"\n' + (folder / "fitted.toml").read_text().split("[fit]")[0]
+    case = (
+        '[geometry]\ndevice = "HollowDisk"\n[load]\npressure_cm = "0:30"\n'
+        + (folder / "fitted.toml").read_text().split("[fit]")[0]
+    )
     assert isinstance(Case.from_toml(case).material, Yeoh)
 
 
@@ -106,7 +117,9 @@ def test_numbers_pictures_and_page(whole):
     told = json.loads((folder / "fit.json").read_text())
     assert [law["law"] for law in told["laws"]][-1] == "neo-hookean" and told["chosen"] == "yeoh"
     yeoh = next(law for law in told["laws"] if law["law"] == "yeoh")
-    assert len(yeoh["covariance"]) == 3 and yeoh["residuals"]["uniaxial.csv (uniaxial)"]["rms"] == pytest.approx(30.0, rel=0.3)
+    assert len(yeoh["covariance"]) == 3 and yeoh["residuals"]["uniaxial.csv (uniaxial)"]["rms"] == pytest.approx(
+        30.0, rel=0.3
+    )
     with (folder / "curves.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {row["test"] for row in rows} == {"uniaxial", "planar"}
@@ -121,7 +134,9 @@ def test_numbers_pictures_and_page(whole):
 
 def test_quiet_and_without_pictures(says, folder, tmp_path):
     out = tmp_path / "quiet"
-    status, said, complaint = says("fit", "--tensile", "uniaxial.csv", "--quiet", "--no-pictures", "--no-profiles", "-o", str(out))
+    status, said, complaint = says(
+        "fit", "--tensile", "uniaxial.csv", "--quiet", "--no-pictures", "--no-profiles", "-o", str(out)
+    )
     assert (status, said, complaint) == (0, "", "")
     assert sorted(path.name for path in out.iterdir()) == ["curves.csv", "fit.json", "fitted.toml"]
 
@@ -138,7 +153,9 @@ def test_an_unsound_law_is_not_called_good(says, tmp_path, folder):
     soft = Yeoh(8e3, -200.0, 0.0, 0.5)
     stretch = np.linspace(1.0, 4.0, 60)
     stress = respond(soft, stretch, "uniaxial").stress / 1e3
-    (folder / "softening.csv").write_text("stretch,stress (kPa)\n" + "".join(f"{a},{b}\n" for a, b in zip(stretch, stress, strict=True)))
+    (folder / "softening.csv").write_text(
+        "stretch,stress (kPa)\n" + "".join(f"{a},{b}\n" for a, b in zip(stretch, stress, strict=True))
+    )
     status, said, complaint = says("fit", "--tensile", "softening.csv", "--no-pictures", "-o", str(tmp_path))
     assert status == 1 and "not stable (Drucker)" in complaint and "warning: the law is not stable" in said
     assert "not stable" in tomllib.loads((tmp_path / "fitted.toml").read_text())["fit"]["warnings"][0]
@@ -166,7 +183,12 @@ def test_curve(says, tmp_path):
 
 def test_compressible_true_stress(says, tmp_path):
     """At a Poisson's ratio of 0.3 the true stress is the force on the sides' real stretch."""
-    assert says("curve", "--material", "neo-hookean:shear_modulus=20kPa,poisson=0.3", "--no-pictures", "-o", str(tmp_path))[0] == 0
+    assert (
+        says(
+            "curve", "--material", "neo-hookean:shear_modulus=20kPa,poisson=0.3", "--no-pictures", "-o", str(tmp_path)
+        )[0]
+        == 0
+    )
     with (tmp_path / "curves.csv").open() as file:
         row = list(csv.DictReader(file))[-1]
     law = material_from("neo-hookean", {"shear_modulus": "20kPa", "poisson": "0.3"})
@@ -177,7 +199,9 @@ def test_compressible_true_stress(says, tmp_path):
 def test_curve_and_fit_need_no_solver():
     """A laptop without FEniCSx can fit and draw."""
     words = "import sys, softmodels.__main__, softmodels.curve_command, softmodels.curve_pictures; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, timeout=100, check=True).stdout.split()
+    loaded = subprocess.run(
+        [sys.executable, "-c", words], capture_output=True, text=True, timeout=100, check=True
+    ).stdout.split()
     assert not {"dolfinx", "petsc4py", "mpi4py", "ufl", "basix"} & set(loaded)
 
 

@@ -61,7 +61,9 @@ def test_line_is_linear_algebra():
 
 def test_stated_errors_are_believed_unless_the_scatter_is_larger():
     measured = 2 + 3 * X + 0.1 * NOISE
-    errors = {size: fit([Curve(line, ("a", "b"), measured, size)], free("a", "b")).error("a") for size in (1.0, 0.1, 0.01)}
+    errors = {
+        size: fit([Curve(line, ("a", "b"), measured, size)], free("a", "b")).error("a") for size in (1.0, 0.1, 0.01)
+    }
     assert errors[1.0] == pytest.approx(1.0 / np.sqrt(len(X)))
     assert errors[0.01] == pytest.approx(0.1 / np.sqrt(len(X)), rel=0.3)
 
@@ -166,7 +168,9 @@ def test_starts_that_disagree_are_told():
     def fold(a):
         return (a**2 - 4) + 0 * X, (2 * a * np.ones_like(X),)
 
-    found = fit([Curve(fold, ("a",), 0.01 * NOISE, 0.01)], [Parameter("a", "mm", 2.5)], starts=[{"a": 2.5}, {"a": -2.5}])
+    found = fit(
+        [Curve(fold, ("a",), 0.01 * NOISE, 0.01)], [Parameter("a", "mm", 2.5)], starts=[{"a": 2.5}, {"a": -2.5}]
+    )
     assert abs(found.values["a"]) == pytest.approx(2.0, abs=0.01)
     assert "1 of 2 starts ended in another minimum that fits nearly as well" in found.troubles[0]
 

@@ -69,7 +69,10 @@ def test_yeoh_on_ecoflex(ecoflex):
     assert found.values["c2"] == pytest.approx(89.6, abs=0.05)
     assert found.values["c3"] == pytest.approx(-0.2, abs=0.05)
     assert rms(found) == [pytest.approx(350.0, abs=5.0)]
-    assert judge(LawChoice.from_text("yeoh").material(found.values), largest_strain([ecoflex.within(1.02, 6.0)])).flags == ()
+    assert (
+        judge(LawChoice.from_text("yeoh").material(found.values), largest_strain([ecoflex.within(1.02, 6.0)])).flags
+        == ()
+    )
 
 
 def test_yeoh_on_liao(liao):
@@ -84,7 +87,9 @@ def test_two_curves_of_one_product_disagree_beyond_their_errors(ecoflex, liao):
     assert ours.interval("c1")[1] < theirs.interval("c1")[0]
 
 
-@pytest.mark.parametrize(("make", "misfits"), [(Ogden, (0.310e6, 0.025e6, 0.041e6)), (Ogden.from_two_mu, (1.10e6, 0.22e6, 0.64e6))])
+@pytest.mark.parametrize(
+    ("make", "misfits"), [(Ogden, (0.310e6, 0.025e6, 0.041e6)), (Ogden.from_two_mu, (1.10e6, 0.22e6, 0.64e6))]
+)
 def test_ogden_on_treloar_in_both_conventions(make, misfits):
     folder = shared_data("rubber")
     law = make(OGDEN_MU, OGDEN_ALPHA, 0.5)
@@ -129,13 +134,17 @@ def test_uniaxial_alone_misleads(rubber):
     assert off > 5 * rms(alone)[0]
 
 
-@pytest.mark.parametrize("product", ["Ecoflex_00-10", "Ecoflex_00-30", "Ecoflex_00-50", "Dragon_Skin_30", "RTV615", "SortaClear_40"])
+@pytest.mark.parametrize(
+    "product", ["Ecoflex_00-10", "Ecoflex_00-30", "Ecoflex_00-50", "Dragon_Skin_30", "RTV615", "SortaClear_40"]
+)
 def test_named_silicones_are_these_fits(product):
     """The library's Yeoh laws (c2, c3 not below zero) from its ranges; RTV 615 with its three constants."""
     curve = read_curve(shared_data("silicone_tensile") / f"{product}.csv")
     silicone = SILICONES[product.replace("_", "-").lower()]
     choice = LawChoice.from_text("yeoh")
-    sources, _ = residuals_of([curve.within(*silicone.stretches)], choice, StressError.from_text("constant"))
+    low, high = silicone.stretches
+    whole = high > 0.98 * curve.stretch[-1]  # RTV 615 was fitted to its break at 2.93, which the library rounds
+    sources, _ = residuals_of([curve if whole else curve.within(low, high)], choice, StressError.from_text("constant"))
     bounds = {"c2": {"lower": 0.0}, "c3": {"lower": 0.0} if silicone.material.c3 else {"start": 0.0, "fixed": True}}
     found = fit_law(choice, sources, changes=bounds, errors="unknown")
     assert found.values["c1"] == pytest.approx(silicone.material.c1, rel=2e-3)
