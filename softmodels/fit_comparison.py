@@ -54,7 +54,7 @@ def compare(fits: Sequence[Fit]) -> Comparison:
     closest = min(fits, key=lambda fit: fit.deviance)
     worth = max(closest.dispersion * closest.count / closest.independent, 1e-300)
     if closest.loss != "linear":
-        worth *= closest._weights[1]
+        worth *= closest.influence[1]
     made = []
     for fit in fits:
         m = len(fit.free) + 1
