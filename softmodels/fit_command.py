@@ -14,14 +14,14 @@ from measurement.units import UnitError, quantity
 from softmodels.commandline import fail
 from softmodels.fit_comparison import compare
 from softmodels.fit_report import Fitted, Report, as_json, as_text, material_toml, write_curves
-from softmodels.fitting import FitError, Prior
+from softmodels.fitting import Fit, FitError, Prior
 from softmodels.law_choice import ALL, LawChoice
 from softmodels.law_stability import judge
 from softmodels.materials import LAWS
 from softmodels.outcomes import DONE, FAILED
 from softmodels.parallel import speaks
 from softmodels.tensile import TensileError
-from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of
+from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of, spread
 from softmodels.tensile_options import read_curves, specimen_options, tensile_option
 
 
@@ -91,15 +91,19 @@ def _report(options: dict[str, Any]) -> Report:
     if not 0.0 <= gauge_error < 1.0:
         raise FitError(f"a gauge error of {gauge_error:g} is not a share between 0 and 100 %")
     changes = [changes_for(choice, options, alone=len(choices) == 1) for choice in choices]
-    fitted = []
-    for choice, change in zip(choices, changes, strict=True):
-        sources, gauges = residuals_of(curves, choice, error, gauge_error)
-        fitted.append(
-            fit_law(
-                choice, sources, gauges, changes=change, loss="soft_l1" if options["robust"] else "linear",
-                errors="stated" if error.stated else "unknown",
-            )
-        )  # fmt: skip
+    errors = "stated" if error.stated else "unknown"
+
+    def fit_all(**how: Any) -> list[Fit]:
+        found = []
+        for choice, change in zip(choices, changes, strict=True):
+            sources, gauges = residuals_of(curves, choice, error, gauge_error)
+            found.append(fit_law(choice, sources, gauges, changes=change, errors=errors, **how))
+        return found
+
+    fitted = fit_all()
+    if options["robust"]:
+        # What counts as an outlier is the closest law's to say, for all laws alike.
+        fitted = fit_all(loss="soft_l1", scale=min(map(spread, fitted)))
     comparison = compare(fitted)
     strain = largest_strain(curves)
     laws = []

@@ -105,7 +105,8 @@ def _side(result: Fit, p: Parameter, sign: float, count: int, worth: float, limi
         ended = (held - bound) * sign >= 0.0
         held = bound if ended else held
         solved = _held(result, p.name, held, warm)
-        if solved is None:
+        if solved is None:  # the law has no answer there: the likelihood ends
+            found.append((held, math.inf))
             break
         rise = (solved[0] - result.deviance) / worth
         warm = solved[1]
@@ -129,9 +130,7 @@ def _closer(
             break
         middle = (inner[0] + outer[0]) / 2
         solved = _held(result, name, middle, dict(result.values))
-        if solved is None:
-            break
-        point = (middle, (solved[0] - result.deviance) / worth)
+        point = (middle, (solved[0] - result.deviance) / worth if solved else math.inf)
         more.append(point)
         inner, outer = (inner, point) if point[1] >= limit else (point, outer)
     return more

@@ -236,7 +236,8 @@ def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
         "singular_values": fit.singular_values[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {
-            name: {"values": p.values.tolist(), "rises": p.rises.tolist(), "limit": p.limit} for name, p in one.profiles.items()
+            name: {"values": p.values.tolist(), "rises": [*map(_finite, p.rises)], "limit": p.limit}
+            for name, p in one.profiles.items()
         },
         "deviance": fit.deviance, "scatter": fit.scatter, "independent": fit.independent, "loss": fit.loss,
         "errors": fit.errors, "evaluations": fit.evaluations, "aicc": fit.aicc, "bic": fit.bic,

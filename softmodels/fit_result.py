@@ -22,6 +22,8 @@ SHORTEST = 8
 """Groups with fewer residuals than this tell nothing about the correlation along them."""
 BLIND = 1e-8
 """Directions in which the scaled Jacobian is this much smaller than in its largest are not seen at all."""
+LEAST_FREEDOM = 0.2
+"""A residual whose leverage leaves it less freedom than this counts as if it had this much."""
 EXACT = 1e-6
 """Residuals below this share of the model are no scatter."""
 
@@ -186,13 +188,24 @@ class Fit:
         return result
 
     def information(self, J: Array) -> tuple[Array, Array]:
-        """Expected curvature of half the deviance, and the variance of its slope."""
-        _, slope = self.influence
+        """Expected curvature of half the deviance, and the variance of its slope.
+
+        Stated errors say how the variance is spread over the residuals. Unknown ones do not: there each residual speaks
+        for itself, made larger by its leverage (HC3: MacKinnon & White 1985, doi 10.1016/0304-4076(85)90158-7), so that a
+        mistaken weighting costs width and not truth.
+        """
+        psi, slope = self.influence
         data, priors = J[: self.count], J[self.count :]
         known = priors.T @ priors
-        run = np.array([self.runs[name] for name in self.rows.groups])
-        meat = self.dispersion * slope**2 * (data.T * run) @ data + known
-        return slope * data.T @ data + known, meat
+        bread = slope * data.T @ data + known
+        spread = np.array([self.runs[name] for name in self.rows.groups])
+        if self.errors == "unknown":
+            inverse = np.linalg.pinv(bread, rcond=BLIND**2, hermitian=True)
+            leverage = slope * np.einsum("ij,jk,ik->i", data, inverse, data)
+            spread = spread * (psi / np.maximum(1 - leverage, LEAST_FREEDOM)) ** 2
+        else:
+            spread = spread * self.dispersion * slope**2
+        return bread, (data.T * spread) @ data + known
 
     @functools.cached_property
     def newton_step(self) -> float:

@@ -43,8 +43,9 @@ def unseen(fit: Fit) -> tuple[str, ...]:
         if p.name in fit.at_bounds:
             continue
         room, against = _allowed(p, fit.values[p.name])
-        if not fit.quantile * _data_error(fit, p.name) < room:
-            said.append(f"the data do not see {p.name}: its interval is wider than {against}")
+        if not fit.quantile * _data_error(fit, p) < room:
+            rests = f"{p.name} rests on its prior: without it, its interval would be wider"
+            said.append(rests if p.prior else f"the data do not see {p.name}: its interval is wider than {against}")
     R = fit.correlations
     for i, a in enumerate(fit.free):
         for j in range(i):
@@ -52,18 +53,21 @@ def unseen(fit: Fit) -> tuple[str, ...]:
                 both = f"{fit.free[j].name} and {a.name}"
                 said.append(f"the data see {both} only together (correlation {R[i, j]:.3f})")
     values, vectors = fit.singular_values
-    if values[-1] <= BLIND * max(values[0], 1e-300):
+    if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= BLIND * max(values[0], 1e-300):
         mixed = [p.name for p, share in zip(fit.free, vectors[-1], strict=True) if abs(share) > 0.1]
         said.append(f"the data do not see one combination of {', '.join(mixed)} at all")
     return tuple(said)
 
 
-def _data_error(fit: Fit, name: str) -> float:
-    """Standard error from the measured residuals alone, as if there were no priors."""
-    if not any(p.prior for p in fit.free):
-        return fit.error(name)
-    data = dataclasses.replace(fit, residuals=fit.residuals[: fit.count], jacobian=fit.jacobian[: fit.count])
-    return data.error(name)
+def _data_error(fit: Fit, p: Parameter) -> float:
+    """Standard error of a parameter as if there were no prior on it."""
+    if not p.prior:
+        return fit.error(p.name)
+    own = fit.count + [q.name for q in fit.free if q.prior].index(p.name)
+    without = dataclasses.replace(
+        fit, residuals=np.delete(fit.residuals, own), jacobian=np.delete(fit.jacobian, own, axis=0)
+    )
+    return without.error(p.name)
 
 
 def _allowed(p: Parameter, value: float) -> tuple[float, str]:
