@@ -80,8 +80,12 @@ class Report:
 
     @property
     def ranges(self) -> list[str]:
-        return [f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
-                for c in self.curves]  # fmt: skip
+        """Which part of each curve was fitted, and what was left out of it."""
+        return [
+            f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
+            + "".join(f"; {remark}" for remark in c.remarks)
+            for c in self.curves
+        ]
 
     @property
     def verdict(self) -> str:
