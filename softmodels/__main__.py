@@ -1,4 +1,4 @@
-"""The command ``softmodels``: run a case file, check the installation, draw results."""
+"""The command ``softmodels``: run a case file, fit a material, check the installation, draw results."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import click
 
 from softmodels import commandline
 from softmodels.case import Case
+from softmodels.curve_command import curve
+from softmodels.fit_command import fit_material
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -18,6 +20,8 @@ def softmodels() -> None:
     python -m softmodels.disk --help    the disk actuator
     softmodels run case.toml            repeat a run from its case file
     softmodels draw results/disk        make the pictures of a run anew
+    softmodels fit --tensile pull.csv   a material with error bars from measured curves
+    softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
     softmodels doctor                   check the installation
     """
 
@@ -59,6 +63,10 @@ def check() -> None:
     from softmodels.doctor import doctor
 
     doctor()
+
+
+softmodels.add_command(fit_material)
+softmodels.add_command(curve)
 
 
 def main() -> None:

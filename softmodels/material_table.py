@@ -111,6 +111,8 @@ def to_table(material: Material) -> dict[str, Any]:
             table[field.name] = [exact_text(v, unit) if unit else v for v in value]
         else:
             table[field.name] = exact_text(value, unit) if unit else value
+    if isinstance(material, Ogden):
+        table["convention"] = CONVENTIONS[0]  # the same numbers read in the other way are another rubber
     return table
 
 

@@ -1,0 +1,200 @@
+"""The command ``fit``: options to sources, sources to fits, fits to files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from geometries.options import QuantityType
+from measurement.units import UnitError, quantity
+from softmodels.commandline import fail
+from softmodels.fit_comparison import compare
+from softmodels.fit_report import Fitted, Report, as_json, as_text, material_toml, write_curves
+from softmodels.fitting import Fit, FitError, Prior
+from softmodels.law_choice import ALL, LawChoice
+from softmodels.law_stability import judge
+from softmodels.materials import LAWS
+from softmodels.outcomes import DONE, FAILED
+from softmodels.parallel import speaks
+from softmodels.tensile import TensileError
+from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of, spread
+from softmodels.tensile_options import read_curves, specimen_options, tensile_option
+
+
+@click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
+@tensile_option()
+@click.option("--material", "laws", default="yeoh", show_default=True, metavar="LAW,...",
+              help=f"Laws to compare: {', '.join(LAWS)}, ogden1 to ogden4, or all.")  # fmt: skip
+@click.option("--stretch", metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
+@click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
+              help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and the curve's noise. The last two take their "
+              "size from the scatter.")  # fmt: skip
+@click.option("--gauge-error", default="0%", show_default=True, metavar="SHARE",
+              help="Standard error of a factor on each test (cross-section, load cell), such as 3%.")  # fmt: skip
+@click.option("--poisson", type=float, default=0.5, show_default=True, help="Poisson's ratio of the fitted material.")
+@click.option("--fix", "fixes", multiple=True, metavar="NAME=VALUE", help="Keep a parameter, such as c3=0.")
+@click.option(
+    "--bounds", "bounds", multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty."
+)
+@click.option("--prior", "priors", multiple=True, metavar="NAME=VALUE+-ERROR", help="What is known beforehand.")
+@click.option("--robust", is_flag=True, help="Let outliers count by their size, not by its square.")
+@specimen_options
+@click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
+@click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")
+@click.option("--no-profiles", is_flag=True, help="Leave the profile likelihoods out: intervals from the covariance.")
+@click.option("--no-pictures", is_flag=True, help="Leave the pictures and the page out.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("results/fit"), show_default=True)
+def fit_material(**options: Any) -> None:
+    """Fit laws to tensile curves: parameters with 95 % intervals, and a material file for a simulation.
+
+    TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius). A file's
+    headers say what its columns are, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break counts.
+    A modulus without its fit range means nothing: choose the stretches of the device with --stretch.
+
+    \b
+    Examples:
+      softmodels fit --tensile curve.csv --material yeoh --stretch 1.02:3
+      softmodels fit --tensile ut.csv --tensile ps.csv:planar --tensile et.csv:equibiaxial --material all
+      softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
+      python -m softmodels.disk --material results/fit/fitted.toml
+
+    \b
+    Exit status: 0 done; 1 no law could be fitted soundly; 2 bad input.
+    """
+    try:
+        report = _report(options)
+    except (FitError, TensileError, UnitError) as error:
+        fail(str(error))
+    if speaks():
+        try:
+            write(report, options["output"], not options["no_pictures"])
+        except OSError as error:
+            fail(f"the results cannot be written: {error}")
+        if not options["quiet"]:
+            click.echo(as_text(report))
+            click.echo(f"written to {options['output']}; go on with --material {options['output'] / 'fitted.toml'}")
+    if speaks() and not report.chosen.sound:
+        click.echo(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
+    sys.exit(DONE if report.chosen.sound else FAILED)
+
+
+def _report(options: dict[str, Any]) -> Report:
+    curves = read_curves(options)
+    choices = law_choices(options["laws"], options["poisson"])
+    error = StressError.from_text(options["stress_error"])
+    gauge_error = quantity(options["gauge_error"], "")
+    if not 0.0 <= gauge_error < 1.0:
+        raise FitError(f"a gauge error of {gauge_error:g} is not a share between 0 and 100 %")
+    changes = [changes_for(choice, options, alone=len(choices) == 1) for choice in choices]
+    errors = "stated" if error.stated else "unknown"
+
+    def fit_all(**how: Any) -> list[Fit]:
+        found = []
+        for choice, change in zip(choices, changes, strict=True):
+            sources, gauges = residuals_of(curves, choice, error, gauge_error)
+            found.append(fit_law(choice, sources, gauges, changes=change, errors=errors, **how))
+        return found
+
+    fitted = fit_all()
+    if options["robust"]:
+        # What counts as an outlier is the closest law's to say, for all laws alike.
+        fitted = fit_all(loss="soft_l1", scale=min(map(spread, fitted)))
+    comparison = compare(fitted)
+    strain = largest_strain(curves)
+    laws = []
+    for ranked in comparison.ranked:
+        choice = choices[fitted.index(ranked.fit)]
+        profiles = {} if options["no_profiles"] else {p.name: ranked.fit.profile(p.name) for p in ranked.fit.free}
+        material = choice.material(ranked.fit.values)
+        laws.append(Fitted(choice, ranked.fit, material, judge(material, strain), profiles))
+    return Report(tuple(laws), comparison, tuple(curves), _how(options))
+
+
+def _how(options: dict[str, Any]) -> str:
+    size = {
+        "auto": "weighted by 2 % of the stress and the curve's noise, their size from the scatter",
+        "constant": "unweighted least squares on the nominal stress, its error from the scatter",
+    }.get(options["stress_error"], f"stress error {options['stress_error']}")
+    robust = ", outliers counted by their size" if options["robust"] else ""
+    gauge = "" if options["gauge_error"] in ("0", "0%") else f", a factor of 1 +- {options['gauge_error']} on each test"
+    return f"{size}{robust}{gauge}; Poisson's ratio {options['poisson']:g} is given, not fitted"
+
+
+def law_choices(text: str, poisson: float) -> list[LawChoice]:
+    """Read ``"yeoh,ogden2"`` or ``"all"``."""
+    if not -1.0 < poisson <= 0.5:
+        raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
+    names = ALL if text.strip() == "all" else [part.strip() for part in text.split(",")]
+    choices = [LawChoice.from_text(name, poisson) for name in names]
+    if len({choice.name for choice in choices}) < len(choices):
+        raise FitError(f"a law is named twice in {text!r}")
+    return choices
+
+
+def changes_for(choice: LawChoice, options: dict[str, Any], alone: bool) -> dict[str, dict[str, Any]]:
+    """What ``--fix``, ``--bounds`` and ``--prior`` say about a law's parameters.
+
+    With several laws, each takes what names its own; with one alone, a foreign name is a mistake.
+    """
+    changes: dict[str, dict[str, Any]] = {}
+    readers: tuple[tuple[str, Callable[[str, str], dict[str, Any]]], ...] = (
+        ("fixes", lambda value, unit: {"start": quantity(value, unit), "fixed": True}),
+        ("bounds", _bounds),
+        ("priors", _prior),
+    )
+    for key, read in readers:
+        for text in options[key]:
+            name, found, value = text.partition("=")
+            if not found:
+                raise FitError(f"{text!r} is not NAME=VALUE")
+            gauge = name.startswith("gauge")
+            if name not in choice.names and not gauge:
+                if alone:
+                    raise FitError(f"{choice.name} has no parameter {name!r}; it has {', '.join(choice.names)}")
+                continue
+            try:
+                changes.setdefault(name, {}).update(read(value, "" if gauge else choice.unit(name)))
+            except (UnitError, ValueError) as error:
+                raise FitError(f"{text!r}: {error}") from None
+    return changes
+
+
+def _bounds(value: str, unit: str) -> dict[str, float]:
+    low, found, high = value.partition(":")
+    if not found:
+        raise FitError(f"{value!r} is not FROM:TO")
+    made = {}
+    for key, text in (("lower", low), ("upper", high)):
+        if text.strip():
+            made[key] = quantity(text, unit)
+    return made
+
+
+def _prior(value: str, unit: str) -> dict[str, Prior]:
+    mean, found, error = value.partition("+-")
+    if not found:
+        raise FitError(f"{value!r} is not VALUE+-ERROR")
+    return {"prior": Prior(quantity(mean, unit), quantity(error, unit))}
+
+
+def write(report: Report, folder: Path, draw: bool) -> None:
+    """Write the material files, every number, the curves, the pictures and the page."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "fitted.toml").write_text(material_toml(report.chosen, report), encoding="utf-8")
+    for one in report.laws:
+        if len(report.laws) > 1:
+            (folder / f"fitted-{one.choice.name}.toml").write_text(material_toml(one, report), encoding="utf-8")
+    (folder / "fit.json").write_text(as_json(report), encoding="utf-8")
+    write_curves(folder / "curves.csv", report.laws, report.curves)
+    if draw:
+        from softmodels.fit_pictures import page, pictures
+
+        images = pictures(report)
+        for name, data in images.items():
+            (folder / name).write_bytes(data)
+        (folder / "report.html").write_text(page(report, images), encoding="utf-8")
