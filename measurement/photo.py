@@ -16,6 +16,7 @@ from measurement.outline import Outline, OutlineError
 from measurement.pixels import Unmeasurable
 from measurement.setup import Setup
 from measurement.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
+from measurement.smoothing import SPAN
 from measurement.tracing import AUTO, FEWEST_POINTS, Traced, trace
 from measurement.zero import ZeroLine
 
@@ -29,6 +30,9 @@ RIM = 150e-6
 
 READING = 0.1
 """Movement in px that the grid's lines can tell from none."""
+
+SIDE = 0.5
+"""Cosine of the angle to the surface from which an edge is the body's side."""
 
 GAP, LARGEST_GAP = 1e-3, 4e-3
 """Missing length of edge in m that makes an outline untrusted, and that makes it none."""
@@ -111,6 +115,9 @@ def outline_of(
     doubts = [doubt, check_corners(zero.place(setup.to_metres(traced.edge.px))), check_width(placed, error, zero)]
     doubts.append(check_clear(placed[above], error[above]))
     reasons += [doubt for doubt in doubts if doubt is not None]
+    above &= ~_rounded(placed, upwards)
+    if above.sum() < FEWEST_POINTS:
+        raise Unmeasurable("between the body's two sides too little of its surface is seen")
     kept = np.nonzero(above)[0]
     first, last = kept[0], kept[-1]
     reasons += [f"of the zero plane's photograph: {doubt}" for doubt in zero.doubts]
@@ -157,6 +164,13 @@ def _check_rim(traced: Traced, zero: ZeroLine) -> None:
         raise Unmeasurable(
             f"the shadow touches the frame or the region of interest {height.max() * 1e3:.1f} mm above the surface"
         )
+
+
+def _rounded(placed: Array, upwards: Array) -> npt.NDArray[np.bool_]:
+    """Points (n,) of the surface so near to the body's side that smoothing has rounded the corner between the two."""
+    side = (upwards < SIDE).astype(np.uint8)
+    near = np.convolve(side, np.ones(SPAN + 5, dtype=np.uint8), mode="same") > 0
+    return near & (np.abs(placed[:, 1]) < 3.0 * ON_SURFACE)
 
 
 def _largest_gap(placed: Array, above: npt.NDArray[np.bool_]) -> float:

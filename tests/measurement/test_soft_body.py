@@ -1,0 +1,69 @@
+"""A soft body whose sides are in the picture and whose rim sinks as the middle rises, as thick disks do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from measurement.camera import Camera
+from measurement.grid import find_grid
+from measurement.outline import Outline
+from measurement.photo_list import Photograph
+from measurement.series import measure_all, zero_line
+from measurement.setup import Setup
+from measurement.synthetic import Scene, dome_height, photograph, save
+
+SCENE = Scene(tilt=8.0, pan=-15.0, ambient=0.12, srgb=True, target=(0.0, 0.002))
+FLOOR, HALF_WIDTH, RADIUS = -0.0067, 0.017, 0.014
+HEIGHTS = (0.0, 0.5e-3, 1.5e-3, 2.5e-3, 3.5e-3)
+
+
+def body(height, moved=0.0):
+    """Polygon of the body: the rim sinks by an eighth of the height."""
+    x = np.linspace(-HALF_WIDTH, HALF_WIDTH, 801)
+    share = np.abs(x) / HALF_WIDTH
+    z = dome_height(x, height, RADIUS) - 0.13 * height * share**2 * (3 - 2 * share)
+    surface = np.column_stack([x, FLOOR + moved + z])
+    return np.vstack([surface, [[HALF_WIDTH, -0.2], [-HALF_WIDTH, -0.2]]])
+
+
+@pytest.fixture(scope="module")
+def setup():
+    camera = Camera.ideal(SCENE.width, SCENE.height, SCENE.focal_px)
+    return Setup(
+        camera,
+        find_grid(photograph(SCENE, None, 1)[0], camera, SCENE.grid_pitch).plane(camera),
+        grid_pitch=SCENE.grid_pitch,
+    )
+
+
+def measured(setup, folder, moved):
+    """Outlines of a run; ``moved`` is how far the body was moved before each photograph in m."""
+    photographs = []
+    for number, (height, by) in enumerate(zip(HEIGHTS, moved, strict=True)):
+        file = save(folder / f"IMG_{number:04d}.JPG", photograph(SCENE, body(height, by), 10 + number)[0])
+        photographs.append(Photograph(file, 1000.0 * number, 5.0))
+    zero = zero_line(photographs, setup)
+    return [result.outcome for result in measure_all(photographs, setup, zero)]
+
+
+def test_a_soft_body_is_measured_and_trusted(setup, tmp_path):
+    for outline, height in zip(measured(setup, tmp_path, (0.0,) * 5), HEIGHTS, strict=True):
+        assert isinstance(outline, Outline) and outline.trusted, outline
+        assert outline.height == pytest.approx(height, abs=10e-6)
+        # The corners between surface and sides are rounded by smoothing, and left out.
+        assert np.abs(outline.x).max() < HALF_WIDTH + 1e-3
+        if not height:
+            assert np.abs(outline.z).max() < 10e-6
+
+
+def test_a_soft_body_that_slips_for_one_photograph_is_not_trusted_there(setup, tmp_path):
+    outlines = measured(setup, tmp_path, (0.0, 0.0, 0.0, -0.25e-3, 0.0))
+    assert [outline.trusted for outline in outlines] == [True, True, True, False, True]
+    assert "moved for this one" in outlines[3].reasons[-1]
+
+
+def test_a_soft_body_that_slips_after_the_zero_is_not_trusted(setup, tmp_path):
+    outlines = measured(setup, tmp_path, (0.0, -0.2e-3, -0.2e-3, -0.2e-3, -0.2e-3))
+    for outline in outlines[1:]:
+        assert not getattr(outline, "trusted", False)
