@@ -1,0 +1,137 @@
+"""A device solved again and again with other parameters: its states at added volumes, or at pressures, with derivatives."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.controls import Control, pressure_control, volume_control
+from softmodels.equilibrium import Equilibrium, NoConvergence, State
+from softmodels.fitting import CannotEvaluate
+from softmodels.law_choice import LawChoice
+from softmodels.loading import Path, PathEnd, trace
+from softmodels.materials import Material, MaterialError
+from softmodels.quadratic_curve import QuadraticCurve
+from softmodels.sensitivity import Sensitivity
+from softmodels.silhouette import Silhouette
+
+Array = npt.NDArray[np.float64]
+
+SAME = 1e-9
+"""Requested values closer than this, relative to the largest, are one state."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of one state's pressure (Pa) and of its curve's nodes (m), by parameter name and by what is requested.
+
+    Attributes:
+        pressure: By name.
+        nodes: By name, shape (n, 3, 2).
+        along_pressure: Of the pressure by the added volume (per m3); 1 if pressures are requested.
+        along_nodes: Of the nodes by the added volume, or by the pressure.
+    """
+
+    pressure: dict[str, float]
+    nodes: dict[str, Array]
+    along_pressure: float
+    along_nodes: Array
+
+
+class Inflation:
+    """Paths of one device under one law.
+
+    Args:
+        equilibrium: The device; its material's values do not matter.
+        choice: The law.
+
+    Attributes:
+        paths: How many paths have been followed.
+    """
+
+    def __init__(self, equilibrium: Equilibrium, choice: LawChoice):
+        self.equilibrium, self.choice = equilibrium, choice
+        actuator = equilibrium.body.actuator
+        self.silhouette = Silhouette(equilibrium)
+        self.lengths = {name: float(getattr(actuator, name)) for name in actuator.variable}
+        self.sensitivity = Sensitivity(equilibrium, tuple(self.lengths))
+        self.names = (*choice.names, "poisson", *self.lengths)
+        self.rest_volume = equilibrium.rest().V
+        self.paths = 0
+
+    def material(self, values: Mapping[str, float]) -> Material:
+        """The material of parameter values; Poisson's ratio is the law's unless given."""
+        return dataclasses.replace(self.choice.material(values), poisson=values.get("poisson", self.choice.poisson))
+
+    def take(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Make these the equilibrium's material and lengths; returns the lengths.
+
+        Raises:
+            CannotEvaluate: There is no such material or device.
+        """
+        try:
+            self.equilibrium.set_material(self.material(values))
+        except MaterialError as error:
+            raise CannotEvaluate(str(error)) from None
+        lengths = {name: values.get(name, nominal) for name, nominal in self.lengths.items()}
+        if lengths and min(lengths.values()) <= 0.0:
+            raise CannotEvaluate(f"a length of {min(lengths.values()):g} m makes no device")
+        self.equilibrium.body.reshape(lengths)
+        return lengths
+
+    def states(self, values: Mapping[str, float], requested: Sequence[float], quantity: str = "volume") -> list[State]:
+        """The states with added volumes in m3, or at pressures in Pa, in any order, on one path.
+
+        Raises:
+            CannotEvaluate: One of them is not on the path.
+        """
+        eq = self.equilibrium
+        self.take(values)
+        unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
+        wanted = np.asarray(requested, dtype=float) / unit
+        if not np.isfinite(wanted).all() or wanted.min() <= 0.0:
+            raise CannotEvaluate(f"an added {quantity} is not above zero")
+        order = np.argsort(wanted)
+        goals: list[float] = []
+        place = np.empty(len(wanted), dtype=int)
+        for i in order:
+            if not goals or wanted[i] - goals[-1] > SAME * wanted[order[-1]]:
+                goals.append(float(wanted[i]))
+            place[i] = len(goals) - 1
+        self.paths += 1
+        try:
+            # Under volume control a path passes limit points; at given pressures only its first branch is meant.
+            path = Path(eq, "auto", quantity)
+            found = [point.state for point in trace(path, goals) if point.requested]
+        except (PathEnd, NoConvergence) as end:
+            raise CannotEvaluate(f"no equilibrium at an added {quantity} that was measured: {end}") from None
+        return [found[i] for i in place]
+
+    def curve(self, state: State, lengths: Mapping[str, float]) -> QuadraticCurve:
+        return self.silhouette.curve(state, lengths)
+
+    def pressure(self, state: State) -> float:
+        """In Pa."""
+        return state.P * self.equilibrium.stress_unit
+
+    def slopes(self, state: State, names: Sequence[str], quantity: str = "volume") -> Slopes:
+        """Derivatives of a state of the present values (see `take`), at fixed added volume or at fixed pressure.
+
+        Raises:
+            CannotEvaluate: The linear solver failed.
+        """
+        eq = self.equilibrium
+        control: Control = volume_control(state.V) if quantity == "volume" else pressure_control(state.P)
+        unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
+        try:
+            along, rates = self.sensitivity.rates(state, control, names)
+        except NoConvergence as failure:
+            raise CannotEvaluate(f"a state has no derivatives: {failure}") from None
+        outline = {
+            name: self.silhouette.rate(rate.w, name if name in self.lengths else "") for name, rate in rates.items()
+        }
+        pressures = {name: rate.P for name, rate in rates.items()}
+        return Slopes(pressures, outline, along.P * eq.stress_unit / unit, self.silhouette.rate(along.w) / unit)
