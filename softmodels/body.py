@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -79,51 +78,6 @@ class Body:
         facets = entities["cavity"][1]
         cavity = meshes.meshtags(data.mesh, tdim - 1, facets, np.full(len(facets), CAVITY, dtype=np.int32))
         return cls(actuator, data.mesh, cavity, entities, _skew(actuator))
-
-    def velocity(self, name: str) -> Any:
-        """How the mesh moves with a length of the actuator: a function on the mesh's own nodes, per unit of ``size``.
-
-        Made on the mesh as it was read; see `reshape`.
-        """
-        from dolfinx import fem
-
-        if not hasattr(self, "_velocities"):
-            object.__setattr__(self, "_velocities", {})
-        known: dict[str, Any] = self._velocities  # type: ignore[attr-defined]
-        if name not in known:
-            if self.lengths:
-                raise BodyError(f"the motion with {name} has to be asked for before the mesh is moved")
-            function = fem.Function(fem.functionspace(self.mesh, self.mesh.ufl_domain().ufl_coordinate_element()))
-            function.interpolate(lambda X: self._motion(name, X.T).T)
-            known[name] = (function, self.mesh.geometry.x.copy(), self._motion(name, self.mesh.geometry.x))
-        return known[name][0]
-
-    def _motion(self, name: str, points: Any) -> Any:
-        """Motion of points given in mesh coordinates, shape (n, d)."""
-        moved = self.actuator.velocity(name, self.actuator.device_points(points * self.actuator.size))
-        return moved if self.mesh.geometry.dim == 3 else moved[:, [0, 2]]
-
-    @property
-    def lengths(self) -> dict[str, float]:
-        """Lengths in m to which `reshape` has moved the mesh; empty as read."""
-        return getattr(self, "_lengths", {})
-
-    def reshape(self, lengths: Mapping[str, float]) -> None:
-        """Move the mesh's nodes to other lengths of the device (m), on the straight lines that `velocity` gives.
-
-        The cells keep their neighbours, so a change of a few percent is meant, not another device.
-        """
-        if not lengths:
-            return
-        for name in lengths:
-            self.velocity(name)
-        velocities = self._velocities  # type: ignore[attr-defined]
-        x = next(iter(velocities.values()))[1].copy()
-        for name, value in lengths.items():
-            share = (value - getattr(self.actuator, name)) / self.actuator.size
-            x[:, : self.mesh.geometry.dim] += share * velocities[name][2]
-        self.mesh.geometry.x[:] = x
-        object.__setattr__(self, "_lengths", dict(lengths))
 
     @property
     def axisymmetric(self) -> bool:

@@ -15,6 +15,7 @@ from softmodels.law_choice import LawChoice
 from softmodels.loading import Path, PathEnd, trace
 from softmodels.materials import Material, MaterialError
 from softmodels.quadratic_curve import QuadraticCurve
+from softmodels.reshaping import Reshaping
 from softmodels.sensitivity import Sensitivity
 from softmodels.silhouette import Silhouette
 
@@ -54,17 +55,18 @@ class Inflation:
 
     def __init__(self, equilibrium: Equilibrium, choice: LawChoice):
         self.equilibrium, self.choice = equilibrium, choice
-        actuator = equilibrium.body.actuator
         self.silhouette = Silhouette(equilibrium)
-        self.lengths = {name: float(getattr(actuator, name)) for name in actuator.variable}
-        self.sensitivity = Sensitivity(equilibrium, tuple(self.lengths))
+        self.reshaping = Reshaping(equilibrium.body, equilibrium.body.actuator.variable)
+        self.lengths = self.reshaping.nominal
+        self.sensitivity = Sensitivity(equilibrium, self.reshaping)
         self.names = (*choice.names, "poisson", *self.lengths)
         self.rest_volume = equilibrium.rest().V
         self.paths = 0
 
     def material(self, values: Mapping[str, float]) -> Material:
         """The material of parameter values; Poisson's ratio is the law's unless given."""
-        return dataclasses.replace(self.choice.material(values), poisson=values.get("poisson", self.choice.poisson))
+        poisson = values.get("poisson", self.choice.poisson)
+        return dataclasses.replace(self.choice, poisson=poisson).material(values)
 
     def take(self, values: Mapping[str, float]) -> dict[str, float]:
         """Make these the equilibrium's material and lengths; returns the lengths.
@@ -79,10 +81,10 @@ class Inflation:
         lengths = {name: values.get(name, nominal) for name, nominal in self.lengths.items()}
         if lengths and min(lengths.values()) <= 0.0:
             raise CannotEvaluate(f"a length of {min(lengths.values()):g} m makes no device")
-        self.equilibrium.body.reshape(lengths)
+        self.reshaping.move(lengths)
         return lengths
 
-    def states(self, values: Mapping[str, float], requested: Sequence[float], quantity: str = "volume") -> list[State]:
+    def states(self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume") -> list[State]:
         """The states with added volumes in m3, or at pressures in Pa, in any order, on one path.
 
         Raises:

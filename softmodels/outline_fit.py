@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from measurement.column import DENSITY_ERROR
 from measurement.units import WATER_DENSITY
+from softmodels.equilibrium import State
 from softmodels.fitting import CannotEvaluate, Parameter, Prior
 from softmodels.inflation import Inflation
 from softmodels.outline_data import OutlineFitError, Shape
@@ -82,7 +83,9 @@ class OutlineResiduals:
     def count(self) -> int:
         return len(self.groups)
 
-    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, npt.NDArray[np.str_]]:
+    def evaluate(
+        self, values: Mapping[str, float], derivatives: bool
+    ) -> tuple[Array, Array | None, npt.NDArray[np.str_]]:
         """See `softmodels.fitting.Residuals`.
 
         Raises:
@@ -101,7 +104,14 @@ class OutlineResiduals:
             states = self.inflation.states(values, [values[name] for name in self.volumes])
             lengths = self.inflation.take(values)
             made = [
-                Fitting(shape, state, self.inflation.curve(state, lengths), self.inflation.pressure(state), values, self.most)
+                Fitting(
+                    shape,
+                    state,
+                    self.inflation.curve(state, lengths),
+                    self.inflation.pressure(state),
+                    values,
+                    self.most,
+                )
                 for shape, state in zip(self.shapes, states, strict=True)
             ]
             self._known = key, made
@@ -139,7 +149,13 @@ class Fitting:
     """
 
     def __init__(
-        self, shape: Shape, state: object, curve: QuadraticCurve, pressure: float, values: Mapping[str, float], most: float
+        self,
+        shape: Shape,
+        state: State,
+        curve: QuadraticCurve,
+        pressure: float,
+        values: Mapping[str, float],
+        most: float,
     ):
         self.shape, self.state, self.curve, self.pressure = shape, state, curve, pressure
         self.values, self.most = values, most
@@ -186,7 +202,9 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
     known = (*BENCH, "poisson", *inflation.lengths)
     for name in bench.free:
         if name not in known:
-            raise OutlineFitError(f"nothing of the bench or the device is called {name!r}; known are {', '.join(known)}")
+            raise OutlineFitError(
+                f"nothing of the bench or the device is called {name!r}; known are {', '.join(known)}"
+            )
     reading = min(shape.pressure_error for shape in shapes)
     width = inflation.silhouette.width
     centre = float(np.median([shape.centre for shape in shapes]))

@@ -27,7 +27,9 @@ LINEAR = ("neo-hookean", "mooney-rivlin", "yeoh")
 """Laws whose numbers are all stresses."""
 
 
-def starts(inflation: Inflation, shapes: Sequence[Shape], modulus: float = MODULUS) -> tuple[list[dict[str, float]], Array]:
+def starts(
+    inflation: Inflation, shapes: Sequence[Shape], modulus: float = MODULUS
+) -> tuple[list[dict[str, float]], Array]:
     """Starting values of the law, best first, and the added volumes in m3.
 
     Raises:
@@ -41,13 +43,14 @@ def starts(inflation: Inflation, shapes: Sequence[Shape], modulus: float = MODUL
     target = np.array([shape.pressure for shape in shapes]) / error
     simulated = np.array([inflation.pressure(state) for state in states]) / error
     factor = max(float(simulated @ target / (simulated @ simulated)), 1e-6)
-    scaled = {
-        name: value * factor if inflation.choice.unit(name) == "Pa" else value for name, value in plain.items()
-    }
+    scaled = {name: value * factor if inflation.choice.unit(name) == "Pa" else value for name, value in plain.items()}
     if inflation.choice.name not in LINEAR or len(shapes) < len(plain):
         return [scaled], volumes
     names = inflation.choice.names
-    A = np.array([[inflation.slopes(state, names).pressure[name] for name in names] for state in states]) / error[:, None]
+    A = (
+        np.array([[inflation.slopes(state, names).pressure[name] for name in names] for state in states])
+        / error[:, None]
+    )
     size = np.linalg.norm(A, axis=0)
     found, *_ = np.linalg.lstsq(A / size, target, rcond=1e-6)
     linear = dict(zip(names, (found / size).tolist(), strict=True))

@@ -3,7 +3,7 @@
 A state (w, P) satisfies R(w, P; theta) = 0 on the line a V + b P = d of its control, so that
 
         [ K      -q ] [dw/dtheta]     [ dR/dtheta            ]
-        [ a q^T   b ] [dP/dtheta] = - [ a dV/dtheta + b ...  ]
+        [ a q^T   b ] [dP/dtheta] = - [ a dV/dtheta at rest w ]
 
 which is the matrix of Newton's method: one solve per parameter with the factorisation at hand, no finite differences, and
 regular at limit points wherever the line crosses the path (Michaleris, Tortorelli & Vidal 1994, doi 10.1002/nme.1620371408).
@@ -25,6 +25,7 @@ import numpy.typing as npt
 from softmodels.controls import Control
 from softmodels.equilibrium import Equilibrium, State, Tangent
 from softmodels.materials import Material
+from softmodels.reshaping import Reshaping
 from softmodels.specimens import nudged, parameter_names
 
 Array = npt.NDArray[np.float64]
@@ -58,10 +59,10 @@ class Sensitivity:
 
     Args:
         equilibrium: The device.
-        lengths: Names of its `Actuator.variable` lengths that will be asked for.
+        reshaping: Lengths of it that will be asked for; None for none.
     """
 
-    def __init__(self, equilibrium: Equilibrium, lengths: Sequence[str] = ()):
+    def __init__(self, equilibrium: Equilibrium, reshaping: Reshaping | None = None):
         import ufl
 
         self.equilibrium = eq = equilibrium
@@ -69,8 +70,7 @@ class Sensitivity:
         self._material = eq.form(ufl.derivative(self._along.energy, eq.w, ufl.TestFunction(eq.space)))
         X = ufl.SpatialCoordinate(eq.body.mesh)
         self._lengths = {}
-        for name in lengths:
-            velocity = eq.body.velocity(name)
+        for name, velocity in (reshaping.velocities if reshaping else {}).items():
             self._lengths[name] = tuple(
                 eq.form(ufl.derivative(whole, X, velocity)) for whole in (eq.residual, eq.cavity_volume)
             )

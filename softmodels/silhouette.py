@@ -71,7 +71,7 @@ class Silhouette:
         return self._arranged(u)
 
     def curve(self, state: State, lengths: Mapping[str, float] | None = None) -> QuadraticCurve:
-        """The deformed curve in m; ``lengths`` are those the mesh has been moved to (`Body.reshape`)."""
+        """The deformed curve in m; ``lengths`` are those the mesh has been moved to (`Reshaping.move`)."""
         actuator = self.equilibrium.body.actuator
         places = self.points - self.top
         for name, value in (lengths or {}).items():
@@ -177,4 +177,3 @@ def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.ND
             break
         i = following[0]
     return np.array(order), np.array(turned)
-
