@@ -8,6 +8,7 @@ import click
 
 from softmodels import commandline
 from softmodels.case import Case
+from softmodels.curve_command import curve
 from softmodels.fit_command import fit_material
 
 
@@ -65,6 +66,7 @@ def check() -> None:
 
 
 softmodels.add_command(fit_material)
+softmodels.add_command(curve)
 
 
 def main() -> None:

@@ -34,8 +34,6 @@ def tensile_option(text: str = "Curve of a test, FILE[:TEST]; may be given sever
 def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options for what a curve's file does not say."""
     for flag, unit, text in (
-        ("--thickness", "m", "A balloon's undeformed thickness."),
-        ("--radius", "m", "A balloon's undeformed radius."),
         ("--gauge-length", "m", "Undeformed length, for files with extensions."),
         ("--cross-section", "m^2", "Undeformed cross-section, such as 18mm^2, for files with forces."),
     ):
@@ -56,10 +54,14 @@ def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
               help="Standard error of each test's own factor on the stress (cross-section, load cell), such as 3%.")  # fmt: skip
 @click.option("--poisson", type=float, default=0.5, show_default=True, help="Poisson's ratio of the fitted material.")
 @click.option("--fix", "fixes", multiple=True, metavar="NAME=VALUE", help="Keep a parameter, such as c3=0.")
-@click.option("--bounds", "bounds", multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty.")
+@click.option(
+    "--bounds", "bounds", multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty."
+)
 @click.option("--prior", "priors", multiple=True, metavar="NAME=VALUE+-ERROR", help="What is known beforehand.")
 @click.option("--robust", is_flag=True, help="Let outliers count by their size, not by its square.")
 @specimen_options
+@click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
+@click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")
 @click.option("--no-profiles", is_flag=True, help="Leave the profile likelihoods out: intervals from the covariance.")
 @click.option("--no-pictures", is_flag=True, help="Leave the pictures and the page out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
@@ -93,7 +95,7 @@ def fit_material(**options: Any) -> None:
         if not options["quiet"]:
             click.echo(as_text(report))
             click.echo(f"written to {options['output']}; go on with --material {options['output'] / 'fitted.toml'}")
-    if not report.chosen.sound:
+    if speaks() and not report.chosen.sound:
         click.echo(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
     sys.exit(DONE if report.chosen.sound else FAILED)
 
@@ -149,7 +151,7 @@ def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
     curves = []
     for text in options["tensile"]:
         name, _, test = text.rpartition(":")
-        if not name or test.lower() not in SYNONYMS and Path(text).exists():
+        if not name or (test.lower() not in SYNONYMS and Path(text).exists()):
             name, test = text, "uniaxial"
         curves.append(read_curve(Path(name), test, options["columns"], specimen))
     moduli = [small_modulus(curve) for curve in curves]
@@ -251,5 +253,3 @@ def write(report: Report, folder: Path, draw: bool) -> None:
         for name, data in images.items():
             (folder / name).write_bytes(data)
         (folder / "report.html").write_text(page(report, images), encoding="utf-8")
-
-

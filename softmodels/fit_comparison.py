@@ -23,9 +23,16 @@ class Ranked:
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """Fits of the same data, best first, and what that means."""
+    """Fits of the same data, best first, and what that means.
+
+    Attributes:
+        ranked: Best first.
+        preferred: The fit to take: the best, or the simplest of those that the data do not tell from it.
+        sentence: Why.
+    """
 
     ranked: tuple[Ranked, ...]
+    preferred: Fit
     sentence: str
 
 
@@ -58,18 +65,19 @@ def compare(fits: Sequence[Fit]) -> Comparison:
     made.sort(key=lambda one: (not one.fit.converged, one.aicc))
     least, lowest = made[0].aicc, min(one.bic for one in made)
     ranked = tuple(dataclasses.replace(one, aicc=one.aicc - least, bic=one.bic - lowest) for one in made)
-    return Comparison(ranked, _sentence(ranked))
+    return Comparison(ranked, *_judgement(ranked))
 
 
-def _sentence(ranked: tuple[Ranked, ...]) -> str:
-    first = ranked[0].fit.label
+def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:
+    best = ranked[0].fit
+    first = best.label
     if len(ranked) == 1:
-        return f"{first} is the only law fitted, so nothing says whether another would do better"
-    equal = [one.fit.label for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged]
-    if equal:
-        fewest = min(
-            (one for one in ranked if one.aicc < UNDECIDED and one.fit.converged), key=lambda one: len(one.fit.free)
-        )
-        return f"the data do not decide between {first} and {', '.join(equal)}; take {fewest.fit.label}, the simplest"
+        return best, f"{first} is the only law fitted, so nothing says whether another would do better"
+    rivals = [one.fit for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged]
+    if rivals:
+        simplest = min([best, *rivals], key=lambda fit: len(fit.free))
+        others = ", ".join(fit.label for fit in rivals)
+        return simplest, f"the data do not decide between {first} and {others}; take {simplest.label}, the simplest"
     second = ranked[1]
-    return f"the data prefer {first}: the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells)"
+    said = f"the data prefer {first}: the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells)"
+    return best, said

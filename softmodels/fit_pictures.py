@@ -12,7 +12,15 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from softmodels.fit_report import Fitted, Report, correlation_rows, other_convention, parameter_rows, residual_rows, shown
+from softmodels.fit_report import (
+    Fitted,
+    Report,
+    correlation_rows,
+    other_convention,
+    parameter_rows,
+    residual_rows,
+    shown,
+)
 from softmodels.plots import DPI, FAINT, INK, STYLE, WARNING, WIDTH
 from softmodels.specimens import respond
 
@@ -91,7 +99,9 @@ def draw_profiles(one: Fitted) -> Figure:
         axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=COLOURS[0], label="profile")
         error = one.fit.error(profile.name)
         if np.isfinite(error) and error > 0.0:
-            axes.plot(profile.values * factor, ((profile.values - best) / error) ** 2, ":", color=FAINT, label="quadratic")
+            axes.plot(
+                profile.values * factor, ((profile.values - best) / error) ** 2, ":", color=FAINT, label="quadratic"
+            )
         axes.axhline(profile.limit, color=WARNING, linewidth=1.2, label="95 %")
         axes.set_ylim(-0.05 * profile.limit, 2.5 * profile.limit)
         axes.set_xlabel(f"{profile.name} ({unit})" if unit else profile.name)
@@ -146,7 +156,9 @@ def page(report: Report, images: dict[str, bytes]) -> str:
     parts = ["<h1>Fitted material</h1>", f"<p><b>{html.escape(report.verdict)}.</b></p>"]
     parts.append(_list([*report.ranges, report.how]))
     if len(report.laws) > 1:
-        rows = [(r.fit.label, str(len(r.fit.free)), f"+{r.aicc:.4g}", f"{r.bic:+.4g}") for r in report.comparison.ranked]
+        rows = [
+            (r.fit.label, str(len(r.fit.free)), f"+{r.aicc:.4g}", f"{r.bic:+.4g}") for r in report.comparison.ranked
+        ]
         parts.append(_table(("law", "parameters", "AICc", "BIC"), rows))
     parts += [_image(name, images) for name in ("curves.png", "residuals.png")]
     for one in report.laws:

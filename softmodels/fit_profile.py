@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -15,6 +16,8 @@ Array = npt.NDArray[np.float64]
 REACH = 1.6
 """How far beyond the expected interval a profile looks at first, in half widths."""
 DOUBLINGS = 6
+CLOSER, STEEP = 8, 1.5
+"""How often the interval's end is looked for more closely, and above which rise, in limits, that is needed."""
 RESTART_TOLERANCE = 1e-9
 
 
@@ -109,7 +112,29 @@ def _side(result: Fit, p: Parameter, sign: float, count: int, worth: float, limi
         found.append((held, rise))
         if ended or (rise > limit and (i + 1 >= count or rise > 4 * limit)):
             break
-    return found
+    return found + _closer(result, p.name, [(best, 0.0), *found], worth, limit)
+
+
+def _closer(
+    result: Fit, name: str, outward: list[tuple[float, float]], worth: float, limit: float
+) -> list[tuple[float, float]]:
+    """More points about the crossing of the limit, where the profile leaps over it too far for a straight line."""
+    more: list[tuple[float, float]] = []
+    crossing = next((i for i in range(1, len(outward)) if outward[i][1] >= limit), None)
+    if crossing is None:
+        return more
+    inner, outer = outward[crossing - 1], outward[crossing]
+    for _ in range(CLOSER):
+        if outer[1] < STEEP * limit:
+            break
+        middle = (inner[0] + outer[0]) / 2
+        solved = _held(result, name, middle, dict(result.values))
+        if solved is None:
+            break
+        point = (middle, (solved[0] - result.deviance) / worth)
+        more.append(point)
+        inner, outer = (inner, point) if point[1] >= limit else (point, outer)
+    return more
 
 
 def _held(result: Fit, name: str, value: float, warm: dict[str, float]) -> tuple[float, dict[str, float]] | None:
@@ -142,7 +167,7 @@ def _end(values: Array, rises: Array, best: float, limit: float, sign: float) ->
     """Where the signed root of the rise, nearly straight in the parameter, crosses the limit."""
     outward = [(v, r) for v, r in zip(values, rises, strict=True) if (v - best) * sign >= 0.0]
     outward.sort(key=lambda point: abs(point[0] - best))
-    for (v0, r0), (v1, r1) in zip(outward[:-1], outward[1:], strict=True):
+    for (v0, r0), (v1, r1) in itertools.pairwise(outward):
         if r1 >= limit > r0:
             a, b, goal = math.sqrt(max(r0, 0.0)), math.sqrt(r1), math.sqrt(limit)
             return float(v0 + (v1 - v0) * (goal - a) / (b - a))

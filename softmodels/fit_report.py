@@ -74,8 +74,9 @@ class Report:
 
     @property
     def chosen(self) -> Fitted:
-        """The best law that is sound; the best of all if none is."""
-        return next((one for one in self.laws if one.sound), self.laws[0])
+        """The preferred law; if that is not sound, the best that is; if none is, the preferred all the same."""
+        preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
+        return next((one for one in (preferred, *self.laws) if one.sound), preferred)
 
     @property
     def ranges(self) -> list[str]:
@@ -85,11 +86,11 @@ class Report:
     @property
     def verdict(self) -> str:
         """Which law was taken, and why."""
-        chosen, first = self.chosen, self.laws[0]
-        if chosen is first:
+        preferred = self.comparison.preferred
+        if self.chosen.fit is preferred:
             return self.comparison.sentence
-        reason = "is not stable within the range" if first.fit.converged else "did not converge"
-        return f"{self.comparison.sentence}; but {first.choice.name} {reason}, so {chosen.choice.name} is taken"
+        reason = "is not stable within the range" if preferred.converged else "did not converge"
+        return f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is taken"
 
 
 def shown(value: float, unit: str, error: float = math.nan) -> tuple[str, str]:
@@ -115,7 +116,9 @@ def parameter_rows(one: Fitted) -> list[tuple[str, str, str, str]]:
             continue
         factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
         low, high = (_plain(end * factor, one.fit.error(p.name) * factor) for end in one.interval(p.name))
-        rows.append((p.name, text, unit, f"{low} to {high}" if "nan" not in (low, high) else "at a bound"))
+        ends = [f"{t} (its bound)" if e in (p.lower, p.upper) else t
+                for t, e in zip((low, high), one.interval(p.name), strict=True)]  # fmt: skip
+        rows.append((p.name, text, unit, " to ".join(ends) if "nan" not in (low, high) else "at a bound"))
     return rows
 
 
@@ -158,8 +161,13 @@ def as_text(report: Report) -> str:
     lines = [*report.ranges, report.how, ""]
     for one in report.laws:
         modulus, unit = shown(one.material.shear_modulus_0, "Pa")
-        lines.append(f"{one.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {one.material.poisson:g} (given)")
-        lines += [f"  {name:14s} {value:>12s} {unit:4s} 95 %: {interval}" for name, value, unit, interval in parameter_rows(one)]
+        lines.append(
+            f"{one.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {one.material.poisson:g} (given)"
+        )
+        lines += [
+            f"  {name:14s} {value:>12s} {unit:4s} 95 %: {interval}"
+            for name, value, unit, interval in parameter_rows(one)
+        ]
         for name, *others in correlation_rows(one):
             pairs = zip(one.fit.free, others, strict=False)
             lines.append(f"  correlation of {name}: " + ", ".join(f"{p.name} {text}" for p, text in pairs))

@@ -22,6 +22,8 @@ SHORTEST = 8
 """Groups with fewer residuals than this tell nothing about the correlation along them."""
 BLIND = 1e-8
 """Directions in which the scaled Jacobian is this much smaller than in its largest are not seen at all."""
+EXACT = 1e-6
+"""Residuals below this share of the model are no scatter."""
 TOGETHER = 0.98
 """Parameters whose estimates correlate beyond this are seen only together."""
 
@@ -207,7 +209,10 @@ class Fit:
         gradient = J.T @ np.concatenate([psi, self.residuals[self.count :]])
         bread, _ = self._information(J)
         step = np.linalg.pinv(bread, rcond=BLIND, hermitian=True) @ gradient
-        return math.sqrt(max(float(gradient @ step), 0.0) / max(self.dispersion, 1e-300))
+        # Numbers that a law follows to rounding have no standard error to speak of.
+        model = self.jacobian[: self.count] @ np.array([self.values[p.name] for p in self.free])
+        rounding = EXACT**2 * float(np.mean(model**2))
+        return math.sqrt(max(float(gradient @ step), 0.0) / max(self.dispersion, rounding, 1e-300))
 
     @property
     def quantile(self) -> float:

@@ -54,7 +54,7 @@ class Prior:
 class Parameter:
     """One number that a fit may change.
 
-    Where ``lower`` is above zero and the bounds span two decades, the fit works on the logarithm.
+    Where the bounds keep the sign and span two decades, the fit works on the logarithm.
 
     Attributes:
         name: How the sources call it.
@@ -84,7 +84,9 @@ class Parameter:
 
     @property
     def logarithmic(self) -> bool:
-        return self.lower > 0.0 and self.upper >= 100 * self.lower
+        return (self.lower > 0.0 and self.upper >= 100 * self.lower) or (
+            self.upper < 0.0 and self.lower <= 100 * self.upper
+        )
 
     @property
     def scale(self) -> float:
@@ -99,11 +101,11 @@ class Parameter:
     def inward(self, value: Any) -> Any:
         """The fit's own coordinate of a value."""
         with np.errstate(divide="ignore"):
-            return np.log(value) if self.logarithmic else value / self.scale
+            return np.log(abs(value)) if self.logarithmic else value / self.scale
 
     def outward(self, x: Any) -> Any:
         """The value at a coordinate, within the bounds."""
-        value = np.exp(x) if self.logarithmic else x * self.scale
+        value = math.copysign(np.exp(x), self.start) if self.logarithmic else x * self.scale
         return min(max(value, self.lower), self.upper)
 
     def rate(self, value: float) -> float:
@@ -209,7 +211,7 @@ class Problem:
     def solve(self, x: Array, tolerance: float, most: int) -> Any:
         """Run scipy's trust-region method from ``x``, whose residuals must be numbers."""
         priors = sum(p.prior is not None for p in self.free)
-        bounds = np.array([[p.inward(p.lower), p.inward(p.upper)] for p in self.free]).T
+        bounds = np.sort([[p.inward(p.lower), p.inward(p.upper)] for p in self.free]).T
         inside = np.clip(x, *bounds)
         return least_squares(
             self.residuals, inside, jac=self.jacobian, bounds=bounds, x_scale="jac", max_nfev=most,
@@ -270,7 +272,9 @@ def fit(
         except CannotEvaluate as error:
             runs.append(StartResult(problem.values(x), math.inf, str(error)))
             continue
-        runs.append(StartResult(problem.values(found.x), 2 * float(found.cost), "" if found.status > 0 else found.message))
+        runs.append(
+            StartResult(problem.values(found.x), 2 * float(found.cost), "" if found.status > 0 else found.message)
+        )
         if best is None or found.cost < best.cost:
             best = found
     if best is None:
@@ -313,7 +317,7 @@ def _disagreement(runs: list[StartResult], result: Fit) -> list[str]:
     rivals = [
         run
         for run in runs
-        if math.isfinite(run.deviance) and room < run.deviance - result.deviance <= likely and _apart(run, result)
+        if math.isfinite(run.deviance) and run.deviance - result.deviance <= likely and _apart(run, result)
     ]
     if rivals:
         other = ", ".join(f"{p.name} {rivals[0].values[p.name]:.4g}" for p in result.free)
@@ -328,10 +332,17 @@ def _disagreement(runs: list[StartResult], result: Fit) -> list[str]:
 
 
 def _apart(run: StartResult, result: Fit) -> bool:
-    """Whether a start ended further from the result than the result's own intervals reach."""
+    """Whether a start ended further from the result than the result's own intervals reach.
+
+    Terms that have changed places (Ogden's) are the same result.
+    """
+    here, there = (sorted(values[p.name] for p in result.free) for values in (result.values, run.values))
+    if np.allclose(here, there, rtol=1e-3):
+        return False
     for p in result.free:
         low, high = result.interval(p.name)
-        if not low <= run.values[p.name] <= high:
+        reach = 1e-6 * abs(result.values[p.name])
+        if p.name not in result.at_bounds and not low - reach <= run.values[p.name] <= high + reach:
             return True
     return False
 
@@ -346,7 +357,7 @@ def _starting_points(free: Sequence[Parameter], starts: int | Sequence[Mapping[s
     points = [origin]
     if starts > 1:
         spread = np.array([1.5 if p.logarithmic else 1.0 for p in free])
-        bounds = np.array([[p.inward(p.lower), p.inward(p.upper)] for p in free])
+        bounds = np.sort([[p.inward(p.lower), p.inward(p.upper)] for p in free])
         for unit in qmc.Halton(len(free), scramble=False).random(starts)[1:]:
             points.append(np.clip(origin + spread * (2 * unit - 1), bounds[:, 0], bounds[:, 1]))
     return points

@@ -23,6 +23,7 @@ from softmodels.specimens import parameter_names
 Array = npt.NDArray[np.float64]
 
 MODULUS_BOUNDS = (1.0, 1e9)
+MU_BOUNDS = (1e-6, 1e12)
 ALPHA_BOUNDS = (0.05, 30.0)
 LIMIT_BOUNDS = (1e-2, 1e5)
 EXPONENTS = (0.7, 1.3, 2.0, 3.0, 4.5, 7.0, 11.0, -0.7, -1.3, -2.0, -4.0)
@@ -30,7 +31,7 @@ EXPONENTS = (0.7, 1.3, 2.0, 3.0, 4.5, 7.0, 11.0, -0.7, -1.3, -2.0, -4.0)
 TAUT = (1.02, 1.2, 2.0, 6.0, 40.0)
 """Starts of Gent's limit, in units of the largest I1 - 3 measured."""
 MOST_TERMS = 4
-STARTS = 8
+STARTS = 6
 ALL = ("neo-hookean", "mooney-rivlin", "yeoh", "ogden1", "ogden2", "ogden3", "gent")
 
 
@@ -99,7 +100,7 @@ class LawChoice:
             return LIMIT_BOUNDS
         if self.law is Ogden:
             positive = start[f"alpha{name[-1]}"] > 0.0
-            low, high = ALPHA_BOUNDS if name.startswith("alpha") else (0.0, math.inf)
+            low, high = ALPHA_BOUNDS if name.startswith("alpha") else MU_BOUNDS
             return (low, high) if positive else (-high, -low)
         return (0.0, math.inf) if name == "c1" else (-math.inf, math.inf)
 

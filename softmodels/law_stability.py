@@ -82,7 +82,11 @@ def last_stretch(material: Material, mode: str) -> float:
     from scipy.optimize import brentq
 
     def left(stretch: float) -> float:
-        power = {"uniaxial": (2.0, -1.0, 1.0, 2.0), "planar": (2.0, -2.0, 1.0, 1.0), "equibiaxial": (2.0, -4.0, 2.0, 1.0)}
+        power = {
+            "uniaxial": (2.0, -1.0, 1.0, 2.0),
+            "planar": (2.0, -2.0, 1.0, 1.0),
+            "equibiaxial": (2.0, -4.0, 2.0, 1.0),
+        }
         a, b, many, others = power[mode]
         return many * stretch**a + others * stretch**b + (mode == "planar") - 3 - material.limit
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.specimens import MODE_NAMES
+from softmodels.homogeneous import MODES
 from softmodels.tensile_columns import Column, TensileError, in_si, read_table, told_columns
 
 Array = npt.NDArray[np.float64]
 
-TESTS = (*MODE_NAMES, "balloon")
+TESTS = (*MODES, "balloon")
 SYNONYMS = {
     "uniaxial": "uniaxial", "ut": "uniaxial", "tension": "uniaxial",
     "planar": "planar", "pure-shear": "planar", "ps": "planar",
@@ -189,12 +190,15 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str]]:
     if fallen.any():
         end = int(np.argmax(stretch[: np.argmax(fallen) + 1])) + 1
         if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
-            raise TensileError("the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles")
-        remarks.append(f"{len(stretch) - end} points after the stretch turns back at {stretch[end - 1]:.4g} are left out")
+            raise TensileError(
+                "the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles"
+            )
+        remarks.append(
+            f"{len(stretch) - end} points after the stretch turns back at {stretch[end - 1]:.4g} are left out"
+        )
         stretch, stress = stretch[:end], stress[:end]
     peak = int(np.argmax(stress))
-    torn = np.flatnonzero(stress[peak:] < BREAK * stress[peak]) if stress[peak] > 0.0 else []
-    if len(torn):
+    if stress[peak] > 0.0 and (stress[peak:] < BREAK * stress[peak]).any():
         end = peak + 1
         remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[peak]:.4g} are left out")
         stretch, stress = stretch[:end], stress[:end]
@@ -219,7 +223,15 @@ def _check_rest(curve: TensileCurve, column: Column) -> None:
                 f"the stress at stretch 1 is {at_rest / 1e3:.4g} kPa, not zero; take the load cell's offset away first"
             )
     if column.kind == "strain" and abs(curve.stretch[0] - 2) < 0.02 and abs(curve.stress[0]) < 0.01 * top:
-        raise TensileError(f"the column {column.header!r} begins at 1 without stress: it holds stretches; see --columns")
+        raise TensileError(
+            f"the column {column.header!r} begins at 1 without stress: it holds stretches; see --columns"
+        )
+
+
+def strain_of(mode: str, stretch: Any) -> Array:
+    """I1 - 3 of an incompressible specimen, shape of ``stretch``."""
+    powers = MODES[mode][0]
+    return np.asarray(sum(stretch ** (2 * power) for power in powers) - 3)
 
 
 def small_modulus(curve: TensileCurve) -> float:

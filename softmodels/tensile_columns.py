@@ -96,7 +96,9 @@ def recognise(header: str, place: int) -> Column | None:
     for kind, pattern in _WORDS:
         if re.search(pattern, words):
             unit = _UNITS.get(unit.lower().strip(), unit.strip())
-            return Column(kind, _CASES.get(unit.lower(), unit) if len(unit) > 1 else unit.replace("n", "N"), place, header)
+            return Column(
+                kind, _CASES.get(unit.lower(), unit) if len(unit) > 1 else unit.replace("n", "N"), place, header
+            )
     return None
 
 
@@ -200,7 +202,9 @@ def _told_header(
 
 
 def _numbers(rows: list[tuple[int, list[str]]], deformation: Column, load: Column, decimal_comma: bool) -> Table:
-    x, y, lines = [], [], []
+    x: list[float] = []
+    y: list[float] = []
+    lines: list[int] = []
     for line, row in rows:
         cells = [row[c.place].strip() if c.place < len(row) else "" for c in (deformation, load)]
         if not x and not any(_is_number(cell) for cell in cells):

@@ -16,7 +16,7 @@ from softmodels.fitting import CannotEvaluate, FitError, Parameter, Prior, Resid
 from softmodels.law_choice import LawChoice, closed_starts, distinct
 from softmodels.materials import Material, MaterialError
 from softmodels.specimens import respond
-from softmodels.tensile import TensileCurve, TensileError, small_modulus
+from softmodels.tensile import TensileCurve, TensileError, small_modulus, strain_of
 
 Array = npt.NDArray[np.float64]
 
@@ -140,9 +140,7 @@ def residuals_of(
 
 def largest_strain(curves: Sequence[TensileCurve]) -> float:
     """Largest I1 - 3 in the curves."""
-    last = {"uniaxial": lambda L: L**2 + 2 / L, "planar": lambda L: L**2 + 1 + L**-2,
-            "equibiaxial": lambda L: 2 * L**2 + L**-4}  # fmt: skip
-    return max(float(last[curve.mode](curve.stretch).max()) - 3 for curve in curves)
+    return max(float(strain_of(curve.mode, curve.stretch).max()) for curve in curves)
 
 
 def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[dict[str, float]]:
@@ -150,7 +148,9 @@ def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[d
     curves = [source.curve for source in sources]
 
     def design(material: Material, names: Sequence[str]) -> Any:
-        return np.vstack([respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources])
+        return np.vstack(
+            [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
+        )
 
     target = np.concatenate([source.curve.stress / source.errors for source in sources])
     modulus = float(np.median([small_modulus(curve) for curve in curves]))

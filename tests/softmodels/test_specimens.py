@@ -93,7 +93,9 @@ def test_slopes_by_hand():
     """Yeoh: dS/dc_i = i k^(i-1) 2 (l - 1/l^2); Ogden: dS/dmu = l^(a-1) - l^(-a/2-1), dS/dalpha by the product rule."""
     k = L**2 + 2 / L - 3
     by_hand = np.column_stack([i * k ** (i - 1) * 2 * (L - L**-2) for i in (1, 2, 3)])
-    assert respond(Yeoh(1e4, 50.0, 3.0, 0.5), L, "uniaxial", ("c1", "c2", "c3")).slopes == pytest.approx(by_hand, abs=1e-9)
+    assert respond(Yeoh(1e4, 50.0, 3.0, 0.5), L, "uniaxial", ("c1", "c2", "c3")).slopes == pytest.approx(
+        by_hand, abs=1e-9
+    )
     a, mu = 1.7, 2e4
     by_mu = L ** (a - 1) - L ** (-a / 2 - 1)
     by_alpha = mu * np.log(L) * (L ** (a - 1) + L ** (-a / 2 - 1) / 2)

@@ -1,0 +1,291 @@
+"""The fit itself: against linear algebra, coverage of its intervals, and everything that must be said when it ends badly."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+from softmodels.fit_comparison import compare
+from softmodels.fit_result import autocorrelation_time
+from softmodels.fitting import CannotEvaluate, FitError, Parameter, Prior, fit
+
+X = np.linspace(-1.0, 1.0, 40)
+NOISE = np.random.default_rng(3).normal(size=X.size)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Curve:
+    """Residuals of a model against numbers with errors; the model returns values and slopes."""
+
+    model: object
+    parameters: tuple[str, ...]
+    measured: np.ndarray
+    errors: np.ndarray | float = 1.0
+    label: str = "curve"
+    unit: str = "mm"
+
+    def evaluate(self, values, derivatives):
+        found, slopes = self.model(*(values[name] for name in self.parameters))
+        J = np.column_stack(slopes) / np.broadcast_to(self.errors, len(self.measured))[:, None]
+        return (found - self.measured) / self.errors, J if derivatives else None, [self.label] * len(self.measured)
+
+
+def line(a, b):
+    return a + b * X, (np.ones_like(X), X)
+
+
+def power(a, b):
+    return a * np.exp(b * X), (np.exp(b * X), a * X * np.exp(b * X))
+
+
+def free(*names, start=1.0, **more):
+    return [Parameter(name, "mm", start, **more) for name in names]
+
+
+def test_line_is_linear_algebra():
+    measured = 2 + 3 * X + 0.1 * NOISE
+    found = fit([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), errors="unknown")
+    A = np.column_stack([np.ones_like(X), X])
+    by_hand, misfit, *_ = np.linalg.lstsq(A, measured, rcond=None)
+    assert [found.values["a"], found.values["b"]] == pytest.approx(by_hand, rel=1e-9)
+    covariance = misfit[0] / (len(X) - 2) * np.linalg.inv(A.T @ A)
+    assert found.runs == {"curve": 1.0}, "white noise has no runs"
+    assert found.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-12)
+    reach = student.ppf(0.975, len(X) - 2) * np.sqrt(covariance[1, 1])
+    assert found.interval("b") == pytest.approx((by_hand[1] - reach, by_hand[1] + reach))
+    assert found.troubles == () and found.unseen == () and found.converged
+
+
+def test_stated_errors_are_believed_unless_the_scatter_is_larger():
+    measured = 2 + 3 * X + 0.1 * NOISE
+    errors = {
+        size: fit([Curve(line, ("a", "b"), measured, size)], free("a", "b")).error("a") for size in (1.0, 0.1, 0.01)
+    }
+    assert errors[1.0] == pytest.approx(1.0 / np.sqrt(len(X)))
+    assert errors[0.01] == pytest.approx(0.1 / np.sqrt(len(X)), rel=0.3)
+
+
+def test_residuals_are_told_in_their_own_unit():
+    measured = 2 + 3 * X + 0.1 * NOISE
+    group = fit([Curve(line, ("a", "b"), measured, 0.02)], free("a", "b")).summaries["curve"]
+    assert group.unit == "mm" and group.count == len(X)
+    assert group.rms == pytest.approx(0.1, rel=0.2) and abs(group.mean) < 1e-8
+    assert abs(group.largest) == pytest.approx(0.1 * np.abs(NOISE).max(), rel=0.2)
+
+
+def test_profile_of_a_line_is_the_parabola():
+    found = fit([Curve(line, ("a", "b"), 2 + 3 * X + 0.1 * NOISE, 0.1)], free("a", "b"), errors="unknown")
+    profile = found.profile("b")
+    assert profile.rises == pytest.approx(((profile.values - found.values["b"]) / found.error("b")) ** 2, abs=1e-6)
+    assert profile.interval == pytest.approx(found.interval("b"), rel=1e-6)
+    assert profile.trouble == ""
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+def test_profile_meets_the_covariance_in_a_nonlinear_fit(loss):
+    found = fit([Curve(power, ("a", "b"), power(2.0, 0.7)[0] + 0.01 * NOISE, 0.01)], free("a", "b"), loss=loss)
+    for name in ("a", "b"):
+        best = found.values[name]
+        assert np.subtract(found.profile(name).interval, best) == pytest.approx(
+            np.subtract(found.interval(name), best), rel=0.15 if loss == "soft_l1" else 0.05
+        )
+
+
+def test_robust_loss_leaves_outliers_out():
+    measured = 2 + 3 * X + 0.1 * NOISE
+    measured[::8] += 5.0
+    plain, robust = (
+        fit([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), loss=loss) for loss in ("linear", "soft_l1")
+    )
+    assert abs(plain.values["a"] - 2) > 0.5 > 0.1 > abs(robust.values["a"] - 2)
+    assert robust.error("a") < plain.error("a") / 3
+
+
+def test_prior_is_one_more_residual():
+    """Two numbers of one thing average with their inverse squares."""
+    source = Curve(lambda a: (np.full(4, a), (np.ones(4),)), ("a",), np.full(4, 8.0), 2.0)
+    found = fit([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))])
+    assert found.values["a"] == pytest.approx((8.0 * 1 + 7.0 * 4) / 5)
+    assert found.error("a") == pytest.approx(np.sqrt(1 / 5))
+    assert found.count == 4
+
+
+def test_a_prior_that_says_all_is_told():
+    source = Curve(lambda a: (np.full(4, a), (np.ones(4),)), ("a",), np.full(4, 10.0), 20.0)
+    assert "wider than its prior" in fit([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))]).unseen[0]
+
+
+def test_what_cannot_be_told_apart_has_no_interval():
+    def both(a, b):
+        return (a + b) * X, (X, X)
+
+    found = fit([Curve(both, ("a", "b"), 3 * X + 0.1 * NOISE, 0.1)], free("a", "b"))
+    assert found.values["a"] + found.values["b"] == pytest.approx(3.0, abs=0.1)
+    assert np.isinf(found.error("a")) and np.isinf(found.error("b"))
+    assert found.interval("a") == (-np.inf, np.inf)
+    assert any("do not see one combination of a, b" in text for text in found.unseen)
+    assert any("do not see a:" in text for text in found.unseen)
+
+
+def test_nearly_the_same_is_seen_only_together():
+    def near(a, b):
+        return a * X + b * (X + 0.05 * X**2), (X, X + 0.05 * X**2)
+
+    found = fit([Curve(near, ("a", "b"), near(1.0, 2.0)[0] + 0.01 * NOISE, 0.01)], free("a", "b"))
+    assert any("a and b only together" in text for text in found.unseen)
+    assert found.correlations[0, 1] < -0.98
+    values, _ = found.singular_values
+    assert values[-1] < 0.1 * values[0]
+
+
+def test_a_bound_that_holds_the_fit_is_told():
+    found = fit([Curve(line, ("a", "b"), 2 + 3 * X, 0.1)], [*free("a"), *free("b", upper=2.0)])
+    assert found.values["b"] == pytest.approx(2.0)
+    assert found.troubles == ("b ended at its bound 2",)
+    assert np.isnan(found.error("b")) and np.isfinite(found.error("a"))
+
+
+def test_no_convergence_is_told():
+    found = fit([Curve(power, ("a", "b"), power(2.0, 3.0)[0], 1e-3)], free("a", "b", start=0.1), most=2)
+    assert not found.converged and "did not converge within 2 evaluations" in found.troubles[0]
+
+
+def test_a_wrong_derivative_is_told():
+    """A fit that stops where its own slopes say it should not have is no fit."""
+
+    def wrong(a, b):
+        value, (one, two) = power(a, b)
+        return value, (one, -two)
+
+    found = fit([Curve(wrong, ("a", "b"), power(2.0, 0.7)[0], 1e-3)], free("a", "b"))
+    assert not found.converged
+
+
+def test_starts_that_disagree_are_told():
+    def fold(a):
+        return (a**2 - 4) + 0 * X, (2 * a * np.ones_like(X),)
+
+    found = fit(
+        [Curve(fold, ("a",), 0.01 * NOISE, 0.01)], [Parameter("a", "mm", 2.5)], starts=[{"a": 2.5}, {"a": -2.5}]
+    )
+    assert abs(found.values["a"]) == pytest.approx(2.0, abs=0.01)
+    assert "1 of 2 starts ended in another minimum that fits nearly as well" in found.troubles[0]
+
+
+def test_terms_that_change_places_do_not_disagree():
+    def two(a, b):
+        return np.exp(a * X) + np.exp(b * X), (X * np.exp(a * X), X * np.exp(b * X))
+
+    starts = [{"a": 0.5, "b": 2.5}, {"a": 2.5, "b": 0.5}]
+    found = fit([Curve(two, ("a", "b"), two(1.0, 2.0)[0], 0.01)], free("a", "b"), starts=starts)
+    assert sorted(found.values.values()) == pytest.approx([1.0, 2.0])
+    assert found.troubles == ()
+
+
+def test_a_failed_start_is_passed_over():
+    class Sometimes(Curve):
+        def evaluate(self, values, derivatives):
+            if values["a"] > 5.0:
+                raise CannotEvaluate("no equilibrium above 5")
+            return super().evaluate(values, derivatives)
+
+    source = Sometimes(line, ("a", "b"), 2 + 3 * X, 0.1)
+    found = fit([source], free("a", "b"), starts=[{"a": 7.0}, {"a": 1.0}])
+    assert found.values["a"] == pytest.approx(2.0) and "above 5" in found.starts[0].trouble
+    with pytest.raises(FitError, match="cannot start: no equilibrium above 5"):
+        fit([source], free("a", "b"), starts=[{"a": 7.0}])
+
+
+def test_an_infeasible_step_is_cut():
+    """A residual that is no number beyond a value shrinks the step and does not end the fit."""
+
+    def barrier(a):
+        with np.errstate(invalid="ignore"):
+            return np.log(3 - a) * np.ones_like(X), (-np.ones_like(X) / (3 - a),)
+
+    found = fit([Curve(barrier, ("a",), np.full(X.shape, -4.0), 1e-3)], free("a", start=-50.0))
+    assert found.values["a"] == pytest.approx(3 - np.exp(-4.0)) and found.converged
+
+
+def test_fits_repeat_to_the_last_bit():
+    source = Curve(power, ("a", "b"), power(2.0, 0.7)[0] + 0.01 * NOISE, 0.01)
+    first, second = (fit([source], free("a", "b"), starts=5, loss="soft_l1") for _ in range(2))
+    assert first.values == second.values and [s.deviance for s in first.starts] == [s.deviance for s in second.starts]
+
+
+def test_autocorrelation_time():
+    """Of white noise 1; of an AR(1) series with factor f, (1 + f) / (1 - f)."""
+    noise = np.random.default_rng(1).normal(size=20000)
+    assert autocorrelation_time(noise) == pytest.approx(1.0, abs=0.1)
+    series = np.zeros_like(noise)
+    for i in range(1, len(noise)):
+        series[i] = 0.8 * series[i - 1] + noise[i]
+    assert autocorrelation_time(series) == pytest.approx(9.0, rel=0.15)
+    assert autocorrelation_time(np.ones(5)) == 1.0
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.7])
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+def test_intervals_cover(factor, loss):
+    """400 lines with white or correlated noise: the 95 % intervals hold the truth in 90 to 99 %."""
+    rng, hits = np.random.default_rng(7), 0
+    x = np.linspace(-1, 1, 200)
+    for _ in range(400):
+        noise = rng.normal(size=260)
+        for i in range(1, 260):
+            noise[i] += factor * noise[i - 1]
+        source = Curve(lambda a, b: (a + b * x, (np.ones_like(x), x)), ("a", "b"), 2 + 3 * x + 0.05 * noise[60:], 0.05)
+        low, high = fit([source], free("a", "b"), errors="unknown", loss=loss).interval("b")
+        hits += low <= 3.0 <= high
+    assert 0.90 <= hits / 400 <= 0.99, hits / 400
+
+
+def test_comparison_prefers_the_truth_and_says_when_it_cannot():
+    def parabola(a, b, c):
+        return a + b * X + c * X**2, (np.ones_like(X), X, X**2)
+
+    def compared(measured):
+        fits = [
+            fit([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), label="line"),
+            fit([Curve(parabola, ("a", "b", "c"), measured, 0.1)], free("a", "b", "c"), label="parabola"),
+        ]
+        return compare(fits)
+
+    bent = compared(parabola(1.0, 2.0, 1.0)[0] + 0.1 * NOISE)
+    assert bent.ranked[0].fit.label == "parabola" and bent.sentence.startswith("the data prefer parabola")
+    straight = compared(line(1.0, 2.0)[0] + 0.1 * NOISE)
+    assert "take line, the simplest" in straight.sentence or straight.ranked[0].fit.label == "line"
+    with pytest.raises(ValueError, match="same measurements"):
+        compare([bent.ranked[0].fit, fit([Curve(line, ("a", "b"), line(1, 2)[0])], free("a", "b"), loss="soft_l1")])
+
+
+GOOD = Curve(line, ("a", "b"), 2 + 3 * X)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: fit([], free("a")), "nothing to fit to"),
+        (lambda: fit([GOOD], free("a")), "no start is given for b"),
+        (lambda: fit([GOOD], free("a", "b", "b")), "given twice"),
+        (lambda: fit([GOOD], free("a", "b", "c")), "nothing measured depends on c"),
+        (lambda: fit([GOOD], free("a", "b", fixed=True)), "every parameter is fixed"),
+        (lambda: fit([GOOD], free("a", "b"), loss="cubic"), "loss 'cubic'"),
+        (lambda: fit([GOOD], free("a", "b"), errors="none"), "errors 'none'"),
+        (lambda: Parameter("a", "", 1.0, 2.0, 1.0), "leave nothing between"),
+        (lambda: Parameter("a", "", 3.0, 1.0, 2.0), "outside its bounds"),
+        (lambda: Parameter("a", "", np.nan), "not a finite number"),
+        (lambda: Prior(1.0, 0.0), "error above zero"),
+        (
+            lambda: fit([Curve(lambda a, b: (np.array([a + b]), (np.ones(1), np.ones(1))), ("a", "b"), np.ones(1))],
+                        free("a", "b")),
+            "1 numbers cannot determine 2 parameters",
+        ),
+    ],
+)  # fmt: skip
+def test_impossible_tasks(make, words):
+    with pytest.raises(FitError, match=words):
+        make()

@@ -1,0 +1,63 @@
+"""Where laws stop being stable, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from softmodels.law_stability import instabilities, judge, last_stretch
+from softmodels.materials import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+
+
+@pytest.mark.parametrize("law", [NeoHookean(20e3), Yeoh(8e3, 90.0), Gent(20e3, 40.0), MooneyRivlin(8e3, 1e3),
+                                 Ogden((0.63e6, 1.2e3, -10e3), (1.3, 5.0, -2.0))])  # fmt: skip
+def test_convex_laws_are_stable_everywhere(law):
+    assert instabilities(law) == ()
+    assert judge(law, 20.0).flags == ()
+
+
+def test_uniaxial_instability_of_yeoh():
+    """In uniaxial tension Drucker's determinant vanishes where the slope of the true (Kirchhoff) stress does.
+
+    tau = 2 (c1 + 2 c2 k) (l^2 - 1/l), differentiated by hand along ln l.
+    """
+    c1, c2 = 8e3, -200.0
+
+    def slope(x):
+        k, rise = x**2 + 2 / x - 3, 2 * (x**2 - 1 / x)
+        return 2 * c2 * rise * 2 * (x**2 - 1 / x) + 2 * (c1 + 2 * c2 * k) * (2 * x**2 + 1 / x)
+
+    by_hand = brentq(slope, 1.5, 6.0)
+    (found,) = [one for one in instabilities(Yeoh(c1, c2)) if one.mode == "uniaxial" and one.stretch > 1]
+    assert found.stretch == pytest.approx(by_hand, rel=1e-3)
+    assert found.strain == pytest.approx(by_hand**2 + 2 / by_hand - 3, rel=1e-3)
+
+
+def test_the_fitted_range_decides():
+    law = Yeoh(8e3, -200.0)
+    first = instabilities(law)[0]
+    assert judge(law, 0.95 * first.strain).flags == ()
+    assert "beyond it not in" in judge(law, 0.95 * first.strain).notes[0]
+    (flag,) = judge(law, 1.05 * first.strain).flags
+    assert "not stable (Drucker)" in flag and str(first) in flag
+
+
+def test_negative_mooney_is_unstable_in_compression():
+    """c01 below zero lets a sheet pulled both ways lose its stiffness first among the pulled ones."""
+    found = {(one.mode, one.stretch > 1): one.stretch for one in instabilities(MooneyRivlin(10e3, -4e3))}
+    assert found["equibiaxial", True] < found["planar", True] < found["uniaxial", True]
+
+
+@pytest.mark.parametrize(("mode", "shape"), [("uniaxial", lambda x: x**2 + 2 / x), ("planar", lambda x: x**2 + 1 + x**-2),
+                                             ("equibiaxial", lambda x: 2 * x**2 + x**-4)])  # fmt: skip
+@pytest.mark.parametrize("limit", [0.5, 40.0, 3000.0])
+def test_taut_chains(mode, shape, limit):
+    assert shape(last_stretch(Gent(20e3, limit), mode)) - 3 == pytest.approx(limit)
+    assert np.isinf(last_stretch(NeoHookean(20e3), mode))
+
+
+def test_notes_name_the_balloon():
+    assert any("limit point at stretch 1.383" in note for note in judge(NeoHookean(20e3), 5.0).notes)
+    assert any("no limit point" in note for note in judge(MooneyRivlin(8e3, 3e3), 5.0).notes)
+    assert any("taut at stretch: uniaxial" in note for note in judge(Gent(20e3, 40.0), 5.0).notes)

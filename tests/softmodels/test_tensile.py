@@ -1,0 +1,227 @@
+"""Reading curves: units, columns, ramps, and a sentence for everything that cannot be used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from softmodels.homogeneous import balloon_pressure
+from softmodels.materials import NeoHookean
+from softmodels.specimens import respond
+from softmodels.tensile import Specimen, read_curve, small_modulus
+from softmodels.tensile_columns import TensileError, recognise
+from softmodels.tensile_fit import DENSE, StressError, noise
+
+MU = 20e3
+L = np.linspace(1.0, 3.0, 21)
+S = MU * (L - L**-2)
+SECTION, LENGTH = 18e-6, 0.033
+
+
+def table(header, *columns, separator=",", above=""):
+    rows = [separator.join(f"{v:.9g}" for v in row) for row in np.column_stack(columns)]
+    return above + separator.join(header) + "\n" + "\n".join(rows) + "\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text, name="curve.csv"):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+MARECHAL = "PARAMETER;INFO;URL;;\nStandard;ASTM D412;;;\nMaterial;EcoFlex30;;;\n;;;;\n"
+SAME = {
+    "stretch and stress": table(["stretch", "nominal_stress_MPa"], L, S / 1e6),
+    "strain": table(["nominal_strain", "nominal_stress_MPa"], L - 1, S / 1e6),
+    "percent": table(["Strain (%)", "Stress (kPa)"], 100 * (L - 1), S / 1e3),
+    "percent in brackets": table(["Engineering strain [%]", "Engineering stress [Pa]"], 100 * (L - 1), S),
+    "true": table(["True Strain", "True Stress (MPa)"], np.log(L), S * L / 1e6),
+    "psi": table(["stretch", "stress (psi)"], L, S / 6894.757293168),
+    "N/mm2": table(["stretch (-)", "stress (N/mm2)"], L, S / 1e6),
+    "machine": table(["Time (s)", "Extension (mm)", "Load (N)"], L, (L - 1) * LENGTH * 1e3, S * SECTION),
+    "tabs": table(["strain", "stress (kPa)"], L - 1, S / 1e3, separator="\t"),
+    "comments": table(["strain", "stress (kPa)"], L - 1, S / 1e3, above="# a, b\n# stress (MPa), strain\n"),
+    "two headers": table(["strain", "stress"], L - 1, S / 1e3).replace("stress\n", "stress (kPa)\n-,kPa\n"),
+    "decimal commas": table(["strain", "stress (kPa)"], L - 1, S / 1e3, separator=";").replace(".", ","),
+    "all of Marechal's columns": table(
+        ["Time (s)", "True Strain", "True Stress (MPa)", "Engineering Strain", "Engineering Stress (MPa)"],
+        L, np.log(L), S * L / 1e6, L - 1, S / 1e6, separator=";", above=MARECHAL,
+    ),
+    "a byte order mark": b"\xef\xbb\xbf" + table(["strain", "stress (kPa)"], L - 1, S / 1e3).encode(),
+    "old letters": table(["strain", "stress (kPa)"], L - 1, S / 1e3, above="").encode() .replace(b"strain", b"\xb5-strain strain"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_one_curve_in_many_clothes(name, write):
+    curve = read_curve(write(SAME[name]), specimen=Specimen(cross_section=SECTION, gauge_length=LENGTH))
+    assert curve.stretch == pytest.approx(L, rel=1e-7)
+    assert curve.stress == pytest.approx(S, rel=1e-6, abs=1e-3)
+    assert small_modulus(curve) == pytest.approx(MU, rel=1e-5)
+
+
+TOLD = {
+    "strain=1[%],stress=2[kPa]": table(["a", "b"], 100 * (L - 1), S / 1e3),
+    "strain=Dehnung[%],stress=Spannung[kPa]": table(["Zeit", "Dehnung", "Spannung"], L, 100 * (L - 1), S / 1e3),
+    "stretch=2,stress=3[kPa]": "\n".join(
+        f"{i},{a:.9g},{b:.9g}" for i, (a, b) in enumerate(zip(L, S / 1e3, strict=True))
+    ),
+    "strain=strain,stress=stress": table(["strain [%]", "stress [kPa]", "stress (MPa)"], 100 * (L - 1), S / 1e3, S),
+}
+
+
+@pytest.mark.parametrize("told", TOLD)
+def test_columns_can_be_told(told, write):
+    curve = read_curve(write(TOLD[told]), columns=told)
+    assert curve.stretch == pytest.approx(L, rel=1e-7) and curve.stress == pytest.approx(S, rel=1e-6, abs=1e-3)
+
+
+@pytest.mark.parametrize("test", ["planar", "ps", "equibiaxial", "ET"])
+def test_true_stress_of_other_tests(test, write):
+    mode = "planar" if test in ("planar", "ps") else "equibiaxial"
+    stress = respond(NeoHookean(MU, 0.5), L, mode).stress
+    curve = read_curve(write(table(["stretch", "true stress (kPa)"], L, stress * L / 1e3)), test)
+    assert curve.mode == mode and curve.stress == pytest.approx(stress, rel=1e-6, abs=1e-3)
+
+
+def test_balloon(write):
+    """Pressure against radius is the sheet's equibiaxial stress."""
+    law, radius, thickness = NeoHookean(MU, 0.5), 0.02, 0.001
+    text = table(
+        ["radius (mm)", "pressure (kPa)"], L * radius * 1e3, balloon_pressure(law, L, thickness / radius) / 1e3
+    )
+    curve = read_curve(write(text), "balloon", specimen=Specimen(radius=radius, thickness=thickness))
+    assert curve.mode == "equibiaxial"
+    assert curve.stress == pytest.approx(respond(law, L, "equibiaxial").stress, rel=1e-6, abs=1e-3)
+
+
+def test_break_and_return_are_cut(write):
+    torn = table(["stretch", "stress (kPa)"], [*L, 3.02, 3.05], [*S / 1e3, 2.0, 1.0])
+    curve = read_curve(write(torn))
+    assert curve.stretch[-1] == 3.0 and "2 points after the break at stretch 3 are left out" in curve.remarks
+    cycle = table(["stretch", "stress (kPa)"], [*L, *L[-2::-1]], [*S / 1e3, *0.8 * S[-2::-1] / 1e3])
+    curve = read_curve(write(cycle))
+    assert len(curve.stretch) == len(L) and "20 points after the stretch turns back at 3" in curve.remarks[0]
+
+
+def test_compression_may_be_written_as_it_was_done(write):
+    down = np.linspace(1.0, 0.5, 11)
+    stress = MU * (down - down**-2)
+    curve = read_curve(write(table(["stretch", "stress (kPa)"], down, stress / 1e3)))
+    assert (np.diff(curve.stretch) > 0).all() and curve.stress[0] == pytest.approx(stress[-1])
+
+
+def test_noise_of_the_strain_is_no_disorder(write):
+    noisy = L + np.random.default_rng(2).normal(0.0, 5e-3, L.size)
+    assert len(read_curve(write(table(["stretch", "stress (kPa)"], noisy, S / 1e3))).stretch) == len(L)
+
+
+@pytest.mark.parametrize(
+    ("header", "kind", "unit"),
+    [
+        ("Engineering Stress (MPa)", "stress", "MPa"),
+        ("True Strain", "true-strain", ""),
+        ("nominal_stress_MPa", "stress", "MPa"),
+        ("Tensile stress, MPa", "stress", "MPa"),
+        ("Kraft/Force [N]", "force", "N"),
+        ("Elongation %", "strain", "percent"),
+        ("extension ratio", "stretch", ""),
+        ("strain rate (1/s)", None, ""),
+        ("Time (s)", None, ""),
+        ("stress error (kPa)", None, ""),
+    ],
+)
+def test_headers(header, kind, unit):
+    column = recognise(header, 0)
+    assert (column.kind, column.unit) == (kind, unit) if kind else column is None
+
+
+PLAIN = table(["stretch", "stress (kPa)"], L, S / 1e3)
+REFUSED = {
+    "empty": ("", {}, "the file is empty"),
+    "blank": ("\n\n", {}, "the file is empty"),
+    "no header": ("1,2\n2,3\n3,4\n", {}, "no line names a deformation and a load"),
+    "one column": ("stretch\n1\n2\n", {}, "no line names a deformation and a load"),
+    "no unit": (table(["stretch", "stress"], L, S), {}, "'stress' has no unit"),
+    "wrong unit": (table(["stretch", "stress (mm)"], L, S), {}, "'stress .mm.'.*cannot be read in Pa"),
+    "unknown unit": (table(["stretch", "stress (kPq)"], L, S), {}, "unknown unit"),
+    "strain in kPa": (table(["strain (kPa)", "stress (kPa)"], L - 1, S), {}, "'strain \\(kPa\\)'"),
+    "no numbers": ("stretch,stress (kPa)\n", {}, "no numbers below the header"),
+    "a word": (PLAIN + "3.1,much\n", {}, "line 23: 'much'.*not a number"),
+    "a gap": (PLAIN + "3.1,\n3.2,70\n", {}, "line 23: ''.*not a number"),
+    "nan": (PLAIN + "3.1,nan\n", {}, "line 23 holds a value that is not finite"),
+    "inf": (PLAIN + "inf,60\n", {}, "line 23 holds a value that is not finite"),
+    "two stresses": (table(["stretch", "stress (kPa)", "stress (MPa)"], L, S, S), {}, "mean the same"),
+    "shuffled": (table(["stretch", "stress (kPa)"], np.roll(L, 11)[::-1], S / 1e3), {}, "not in order"),
+    "few": (table(["stretch", "stress (kPa)"], L[:3], S[:3] / 1e3), {}, "has 3 points"),
+    "no stretching": (table(["stretch", "stress (kPa)"], 1 + 0 * L, S / 1e3), {}, "does not change"),
+    "kPa called MPa": (table(["stretch", "stress (MPa)"], L, S / 1e3), {}, "2e\\+04 kPa.*factor 1000"),
+    "MPa called kPa": (table(["stretch", "stress (kPa)"], L, S / 1e6), {}, "0.02 kPa.*factor 1000"),
+    "percent unsaid": (table(["strain", "stress (kPa)"], 100 * (L - 1), S / 1e3), {}, "if it holds percent"),
+    "strain called stretch": (table(["stretch", "stress (kPa)"], L - 1, S / 1e3), {}, "begins at 0 holds strains"),
+    "stretch called strain": (table(["strain", "stress (kPa)"], L, S / 1e3), {}, "it holds stretches"),
+    "not tared": (table(["stretch", "stress (kPa)"], L, S / 1e3 + 20), {}, "stress at stretch 1 is 20 kPa"),
+    "falling": (table(["stretch", "stress (kPa)"], L, -S / 1e3), {}, "falls as the specimen is pulled"),
+    "zero": (table(["stretch", "stress (kPa)"], L, 0 * S), {}, "every stress is zero"),
+    "binary": (b"PK\x03\x04\0\0stretch,stress", {}, "not a text file"),
+    "force": (table(["stretch", "force (N)"], L, S * SECTION), {}, "--cross-section"),
+    "extension": (table(["extension (mm)", "stress (kPa)"], L - 1, S / 1e3), {}, "--gauge-length"),
+    "pressure": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {}, "do not go together"),
+    "balloon": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {"test": "balloon"}, "--radius and --thickness"),
+    "unknown test": (PLAIN, {"test": "torsion"}, "test 'torsion' is not one of uniaxial"),
+    "told a foreign kind": (PLAIN, {"columns": "strein=1,stress=2"}, "'strein=1' is not KIND=COLUMN"),
+    "told half": (PLAIN, {"columns": "strain=1"}, "one deformation.*and one load"),
+    "told absent": (
+        PLAIN,
+        {"columns": "strain=Dehnung,stress=Spannung"},
+        "no line of the file has the columns 'Dehnung'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refusals_are_sentences(name, write):
+    text, more, words = REFUSED[name]
+    with pytest.raises(TensileError, match=words) as caught:
+        read_curve(write(text), **more)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(TensileError, match=r"none.csv.*No such file"):
+        read_curve(tmp_path / "none.csv")
+
+
+def test_range_needs_points(write):
+    curve = read_curve(write(PLAIN))
+    assert curve.within(1.2, 2.0).stretch[[0, -1]] == pytest.approx([1.2, 2.0])
+    with pytest.raises(TensileError, match=r"1 of its points lie between stretch 2\.95 and 4"):
+        curve.within(2.95, 4.0)
+
+
+def test_stress_errors(write):
+    curve = read_curve(write(PLAIN))
+    assert StressError.from_text("2%+0.5kPa").of(curve) == pytest.approx(np.hypot(0.02 * S, 500.0), rel=1e-6)
+    assert StressError.from_text("0.5kPa").stated and not StressError.from_text("auto").stated
+    assert np.ptp(StressError.from_text("constant").of(curve)) == 0.0
+    for text, words in (("2%", "absolute part"), ("-1kPa", "above zero"), ("much", "'much'"), ("5", "no unit")):
+        with pytest.raises(TensileError, match=words):
+            StressError.from_text(text)
+
+
+def test_noise_is_told_from_the_bend(write):
+    stretch = np.linspace(1.0, 3.0, 400)
+    stress = MU * (stretch - stretch**-2) + np.random.default_rng(4).normal(0.0, 300.0, 400)
+    curve = read_curve(write(table(["stretch", "stress (Pa)"], stretch, stress)))
+    assert noise(curve) == pytest.approx(300.0, rel=0.2)
+    assert noise(read_curve(write(PLAIN))) == 0.0 and len(L) < DENSE
+
+
+@pytest.mark.parametrize("name", ["cross_section", "gauge_length", "radius", "thickness"])
+def test_impossible_specimens(name):
+    with pytest.raises(TensileError, match="above zero"):
+        Specimen(**{name: -1.0})
