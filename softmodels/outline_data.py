@@ -182,15 +182,18 @@ def _floor(outline: Outline) -> float:
 def _above(outline: Outline) -> slice | None:
     """The points between the outermost places at which three neighbours lie above the floor; None if there are too few.
 
-    A cut by place: a cut by each point's own height would keep those whose errors point up.
+    A cut by place: a cut by each point's own height would keep those whose errors point up. So would the places themselves,
+    but for a smoothing span less at both ends.
     """
     high = outline.z > _floor(outline)
     if len(high) < FEWEST:
         return None
     steady = np.flatnonzero(high[:-2] & high[1:-1] & high[2:])
-    if not len(steady) or steady[-1] + 3 - steady[0] < FEWEST:
+    if not len(steady):
         return None
-    return slice(int(steady[0]), int(steady[-1]) + 3)
+    first, last = int(steady[0]), int(steady[-1]) + 3
+    spare = min(SPAN, (last - first) // 10)
+    return slice(first + spare, last - spare) if last - first - 2 * spare >= FEWEST else None
 
 
 def _shape(outline: Outline, part: slice, run: float) -> Shape:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,10 +23,13 @@ import numpy.typing as npt
 from measurement.column import DENSITY_ERROR
 from measurement.units import WATER_DENSITY
 from softmodels.equilibrium import State
-from softmodels.fitting import CannotEvaluate, Parameter, Prior
+from softmodels.fit_result import Fit
+from softmodels.fitting import CannotEvaluate, FitError, Parameter, Prior, Residuals, fit
 from softmodels.inflation import Inflation
 from softmodels.outline_data import OutlineFitError, Shape
+from softmodels.outline_start import starts
 from softmodels.quadratic_curve import QuadraticCurve
+from softmodels.tensile_fit import changed
 
 Array = npt.NDArray[np.float64]
 
@@ -42,8 +46,8 @@ LENGTH_ERROR = 0.02
 READINGS = "pressures"
 """Label of the group of residuals that hold the pressures."""
 POISSON_BOUNDS = (0.3, 0.5)
-
-Answer = tuple[Array, Array, npt.NDArray[np.str_]]
+BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
+"""Parameters of the bench."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +62,7 @@ class Bench:
             the device's own variable lengths, such as ``membrane``.
     """
 
-    free: tuple[str, ...] = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
+    free: tuple[str, ...] = BENCH
 
 
 class OutlineResiduals:
@@ -68,6 +72,9 @@ class OutlineResiduals:
         inflation: The device and its law.
         shapes: Measured outlines, prepared.
         label: What it is.
+
+    Attributes:
+        fixed: Parameters whose derivatives nobody needs: their columns stay zero.
     """
 
     def __init__(self, inflation: Inflation, shapes: Sequence[Shape], label: str = "outlines"):
@@ -77,6 +84,7 @@ class OutlineResiduals:
         self.most = max(shape.pressure for shape in shapes)
         labels = [[shape.source] * len(shape.weight) for shape in shapes]
         self.groups = np.array([*sum(labels, []), *[READINGS] * len(shapes)])
+        self.fixed: frozenset[str] = frozenset()
         self._known: tuple[tuple[float, ...], list[Fitting]] | None = None
 
     @property
@@ -124,8 +132,9 @@ class OutlineResiduals:
         first, reading = 0, self.count - len(fittings)
         for fitting, volume in zip(fittings, self.volumes, strict=True):
             rows = slice(first, first + len(fitting.shape.weight))
-            slopes = self.inflation.slopes(fitting.state, self.inflation.names)
-            for name in self.inflation.names:
+            names = [name for name in self.inflation.names if name not in self.fixed]
+            slopes = self.inflation.slopes(fitting.state, names)
+            for name in names:
                 J[rows, column[name]] = fitting.moved(slopes.nodes[name])
                 J[reading, column[name]] = slopes.pressure[name] / fitting.shape.pressure_error
             J[rows, column[volume]] = fitting.moved(slopes.along_nodes)
@@ -135,9 +144,6 @@ class OutlineResiduals:
                 J[reading, column[name]] = on_reading
             first, reading = rows.stop, reading + 1
         return J
-
-
-BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
 
 
 class Fitting:
@@ -246,3 +252,46 @@ def fits_badly(chi2: float, count: int) -> bool:
     """Whether chi squared of this many residuals is beyond chance (one in a thousand, by Wilson & Hilferty 1931)."""
     k = max(count, 1)
     return chi2 > k * (1 - 2 / (9 * k) + 3.1 * math.sqrt(2 / (9 * k))) ** 3
+
+
+def fit_outlines(
+    source: OutlineResiduals,
+    bench: Bench = Bench(),  # noqa: B008  (frozen)
+    *,
+    more: Sequence[Residuals] = (),
+    others: Sequence[Parameter] = (),
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    loss: str = "linear",
+) -> Fit:
+    """Fit a law to outlines from starts in closed form.
+
+    Args:
+        source: The device and its outlines.
+        bench: What is free beside the law.
+        more: Further sources that depend on the law's parameters, such as tensile curves.
+        others: Parameters of those.
+        changes: Fields of `Parameter` to replace, by name.
+        loss: See `softmodels.fitting.fit`.
+
+    Raises:
+        FitError: See `softmodels.fitting.fit`; or a change names no parameter.
+        OutlineFitError: The device cannot be the one in the photographs.
+    """
+    choice, changes = source.inflation.choice, changes or {}
+    known = nuisances(source, bench)
+    names = {*choice.names, *(p.name for p in (*known, *others))}
+    for name in changes:
+        if name not in names:
+            raise FitError(f"there is no parameter {name!r}; known are {', '.join(sorted(names))}")
+    begins, volumes = starts(source.inflation, source.shapes)
+    troubles = []
+    for begin in begins:
+        parameters = [
+            changed(p, changes.get(p.name, {})) for p in (*choice.parameters(begin), *known, *others)
+        ] + volume_parameters(source, volumes)
+        source.fixed = frozenset(p.name for p in parameters if p.fixed)
+        try:
+            return fit([source, *more], parameters, loss=loss, label=choice.name)
+        except FitError as error:
+            troubles.append(str(error))
+    raise FitError(f"{choice.name}: {troubles[0]}")
