@@ -16,13 +16,28 @@ from softmodels.loading import Path, PathEnd, trace
 from softmodels.materials import Material, MaterialError
 from softmodels.quadratic_curve import QuadraticCurve
 from softmodels.reshaping import Reshaping
-from softmodels.sensitivity import Sensitivity
+from softmodels.sensitivity import Rate, Sensitivity
 from softmodels.silhouette import Silhouette
 
 Array = npt.NDArray[np.float64]
 
 SAME = 1e-9
 """Requested values closer than this, relative to the largest, are one state."""
+AT_ONCE = 6
+"""Newton iterations in which a state has to be found from a guess, or else the path is followed."""
+ASTRAY = 0.5
+"""How far from the guess such a state may lie, as a share of its change: further, it may be another branch."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Solved:
+    """States found together: parameter values, what was requested (SI), and derivatives by the state's identity."""
+
+    values: dict[str, float]
+    quantity: str
+    requested: Array
+    states: list[State]
+    answers: dict[int, tuple[Rate, dict[str, Rate], float]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -62,6 +77,8 @@ class Inflation:
         self.names = (*choice.names, "poisson", *self.lengths)
         self.rest_volume = equilibrium.rest().V
         self.paths = 0
+        self._asked: _Solved | None = None
+        self._base: _Solved | None = None
 
     def material(self, values: Mapping[str, float]) -> Material:
         """The material of parameter values; Poisson's ratio is the law's unless given."""
@@ -104,13 +121,52 @@ class Inflation:
                 goals.append(float(wanted[i]))
             place[i] = len(goals) - 1
         self.paths += 1
+        found = self._nearby(values, goals, quantity, place) or self._followed(goals, quantity)
+        states = [found[i] for i in place]
+        self._asked = _Solved(dict(values), quantity, np.asarray(requested, dtype=float), states, {})
+        return states
+
+    def _followed(self, goals: Sequence[float], quantity: str) -> list[State]:
+        """The states on one path from rest. Under volume control it passes limit points; pressures mean its first branch."""
         try:
-            # Under volume control a path passes limit points; at given pressures only its first branch is meant.
-            path = Path(eq, "auto", quantity)
-            found = [point.state for point in trace(path, goals) if point.requested]
+            path = Path(self.equilibrium, "auto", quantity)
+            return [point.state for point in trace(path, goals) if point.requested]
         except (PathEnd, NoConvergence) as end:
             raise CannotEvaluate(f"no equilibrium at an added {quantity} that was measured: {end}") from None
-        return [found[i] for i in place]
+
+    def _nearby(
+        self, values: Mapping[str, float], goals: Sequence[float], quantity: str, place: npt.NDArray[np.int64]
+    ) -> list[State]:
+        """The states one by one from those at the last values that had all derivatives; empty if one of them fails.
+
+        A fit's steps are small: Newton's method from the linear guess needs no path. Only states that it finds at once count.
+        """
+        asked = self._asked
+        if asked is not None and len(asked.answers) == len({id(state) for state in asked.states}):
+            self._base = asked
+        base = self._base
+        if base is None or base.quantity != quantity or len(base.states) != len(place):
+            return []
+        eq, found = self.equilibrium, []
+        unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
+        for goal, i in zip(goals, [int(np.argmax(place == k)) for k in range(len(goals))], strict=True):
+            state, (along, rates, stress) = base.states[i], base.answers[id(base.states[i])]
+            ahead = goal * unit - base.requested[i]
+            moves = [(rate, values.get(name, 0.0) - base.values.get(name, 0.0)) for name, rate in rates.items()]
+            w = state.w + ahead * along.w + sum(by * rate.w for rate, by in moves)
+            P = state.P * stress + ahead * along.P + sum(by * rate.P for rate, by in moves)
+            line = volume_control(goal + self.rest_volume) if quantity == "volume" else pressure_control(goal)
+            try:
+                if eq.stale:
+                    eq.factorise(state)
+                found.append(eq.solve(line, w, P / eq.stress_unit))
+            except NoConvergence:
+                return []
+            jump = np.linalg.norm(found[-1].w - w) / max(float(np.linalg.norm(found[-1].w - state.w)), 1e-300)
+            near = np.linalg.norm(found[-1].w - w) < 1e-3 * np.linalg.norm(w)
+            if found[-1].V <= 0.0 or found[-1].iterations > AT_ONCE or not (jump < ASTRAY or near):
+                return []
+        return found
 
     def curve(self, state: State, lengths: Mapping[str, float]) -> QuadraticCurve:
         return self.silhouette.curve(state, lengths)
@@ -132,6 +188,8 @@ class Inflation:
             along, rates = self.sensitivity.rates(state, control, names)
         except NoConvergence as failure:
             raise CannotEvaluate(f"a state has no derivatives: {failure}") from None
+        answers = self._asked.answers if self._asked and any(state is one for one in self._asked.states) else {}
+        answers[id(state)] = Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V), rates, eq.stress_unit
         outline = {
             name: self.silhouette.rate(rate.w, name if name in self.lengths else "") for name, rate in rates.items()
         }

@@ -283,7 +283,8 @@ def fit_outlines(
     for name in changes:
         if name not in names:
             raise FitError(f"there is no parameter {name!r}; known are {', '.join(sorted(names))}")
-    begins, volumes = starts(source.inflation, source.shapes)
+    measured = [(shape.height, shape.pressure, shape.pressure_error) for shape in source.shapes]
+    begins, volumes = starts(source.inflation, *np.array(measured).T)
     troubles = []
     for begin in begins:
         parameters = [

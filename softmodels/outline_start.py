@@ -8,7 +8,6 @@ the small change of shape (virtual work), so that they follow from the readings 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +16,7 @@ from softmodels.equilibrium import NoConvergence
 from softmodels.fitting import CannotEvaluate
 from softmodels.inflation import Inflation
 from softmodels.loading import FARTHEST, Path, PathEnd, trace
-from softmodels.outline_data import OutlineFitError, Shape
+from softmodels.outline_data import OutlineFitError
 
 Array = npt.NDArray[np.float64]
 
@@ -28,28 +27,34 @@ LINEAR = ("neo-hookean", "mooney-rivlin", "yeoh")
 
 
 def starts(
-    inflation: Inflation, shapes: Sequence[Shape], modulus: float = MODULUS
+    inflation: Inflation, heights: Array, pressures: Array, errors: Array, modulus: float = MODULUS
 ) -> tuple[list[dict[str, float]], Array]:
     """Starting values of the law, best first, and the added volumes in m3.
+
+    Args:
+        inflation: The device and its law.
+        heights: Heights of the top in m.
+        pressures: Readings in Pa.
+        errors: Their standard errors in Pa, or anything in proportion.
+        modulus: Shear modulus in Pa of the path that only serves its shapes.
 
     Raises:
         OutlineFitError: The device cannot rise as high as was measured.
     """
     plain = inflation.choice.from_modulus(modulus)
-    volumes = volumes_of(inflation, plain, np.array([shape.height for shape in shapes]))
+    volumes = volumes_of(inflation, plain, heights)
     states = inflation.states(plain, volumes)
     inflation.take(plain)
-    error = np.array([shape.pressure_error for shape in shapes])
-    target = np.array([shape.pressure for shape in shapes]) / error
-    simulated = np.array([inflation.pressure(state) for state in states]) / error
+    target = pressures / errors
+    simulated = np.array([inflation.pressure(state) for state in states]) / errors
     factor = max(float(simulated @ target / (simulated @ simulated)), 1e-6)
     scaled = {name: value * factor if inflation.choice.unit(name) == "Pa" else value for name, value in plain.items()}
-    if inflation.choice.name not in LINEAR or len(shapes) < len(plain):
+    if inflation.choice.name not in LINEAR or len(heights) < len(plain):
         return [scaled], volumes
     names = inflation.choice.names
     A = (
         np.array([[inflation.slopes(state, names).pressure[name] for name in names] for state in states])
-        / error[:, None]
+        / errors[:, None]
     )
     size = np.linalg.norm(A, axis=0)
     found, *_ = np.linalg.lstsq(A / size, target, rcond=1e-6)
