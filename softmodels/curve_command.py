@@ -15,7 +15,6 @@ import numpy.typing as npt
 from geometries.options import QuantityType
 from measurement.units import exact_text
 from softmodels.commandline import fail
-from softmodels.fit_command import read_curves, specimen_options, stretch_range, tensile_option
 from softmodels.fit_report import shown
 from softmodels.law_stability import Verdict, judge
 from softmodels.material_table import material_from
@@ -23,6 +22,7 @@ from softmodels.materials import Material, MaterialError
 from softmodels.parallel import speaks
 from softmodels.specimens import MODE_NAMES, Response, respond
 from softmodels.tensile import TensileError, strain_of
+from softmodels.tensile_options import read_curves, specimen_options, stretch_range, tensile_option
 
 Array = npt.NDArray[np.float64]
 POINTS = 201
@@ -66,7 +66,7 @@ class Shown:
 
 @click.command("curve", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--material", "names", multiple=True, metavar="NAME[:KEY=VALUE,...]",
-              help="A silicone, a TOML file, or a law with its numbers (yeoh:c1=8kPa,c2=90Pa); may be given several times.")  # fmt: skip
+              help="Silicone, TOML file, or law with numbers (yeoh:c1=8kPa,c2=90Pa); several are compared.")  # fmt: skip
 @click.option("--stretch", default="1:4", show_default=True, metavar="FROM:TO", help="Range of stretch.")
 @click.option("--incompressible", is_flag=True, help="Take Poisson's ratio as 0.5, whatever the material says.")
 @click.option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -28,17 +29,24 @@ def draw(many: Sequence[Shown], measured: Sequence[TensileCurve], radius: float,
         thickness: Its undeformed thickness in m.
     """
     with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
-        figure = Figure((WIDTH, 7.6), dpi=DPI, layout="constrained")
+        figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
         panels = figure.subplots(2, 2).ravel()
         for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
             for i, one in enumerate(many):
                 stress = one.responses[mode].stress / 1e3
                 axes.plot(one.stretch, stress, label=one.name, **line(i))
                 _mark(axes, one, mode, stress)
-            for curve in measured:
+            for curve, marker in zip(measured, itertools.cycle("osd^v"), strict=False):
                 if curve.mode == mode:
                     axes.plot(
-                        curve.stretch, curve.stress / 1e3, "o", ms=3.5, mfc="none", mec=INK, mew=0.7, label=curve.name
+                        curve.stretch,
+                        curve.stress / 1e3,
+                        marker,
+                        ms=3.5,
+                        mfc="none",
+                        mec=INK,
+                        mew=0.7,
+                        label=curve.name,
                     )
             axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
             names = BOTH if many[0].stretch[0] < 0.99 else NAMES
@@ -54,7 +62,10 @@ def draw(many: Sequence[Shown], measured: Sequence[TensileCurve], radius: float,
         axes.set_ylabel("pressure (kPa)")
         for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
             _limit(axes, many, measured, mode)
-        panels[0].legend(loc="upper left")
+        handles = {
+            text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
+        figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=2)
         return as_png(figure)
 
 

@@ -14,44 +14,27 @@ from measurement.units import UnitError, quantity
 from softmodels.commandline import fail
 from softmodels.fit_comparison import compare
 from softmodels.fit_report import Fitted, Report, as_json, as_text, material_toml, write_curves
-from softmodels.fitting import FitError, Prior
+from softmodels.fitting import Fit, FitError, Prior
 from softmodels.law_choice import ALL, LawChoice
 from softmodels.law_stability import judge
 from softmodels.materials import LAWS
 from softmodels.outcomes import DONE, FAILED
 from softmodels.parallel import speaks
-from softmodels.tensile import SYNONYMS, Specimen, TensileCurve, TensileError, read_curve, small_modulus
-from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of
-
-APART = 100.0
-"""Curves of one material whose first moduli differ by more than this cannot have the same unit."""
-
-
-def tensile_option(text: str = "Curve of a test, FILE[:TEST]; may be given several times.") -> Callable[..., Any]:
-    return click.option("--tensile", "tensile", multiple=True, metavar="FILE[:TEST]", help=text)
-
-
-def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options for what a curve's file does not say."""
-    for flag, unit, text in (
-        ("--gauge-length", "m", "Undeformed length, for files with extensions."),
-        ("--cross-section", "m^2", "Undeformed cross-section, such as 18mm^2, for files with forces."),
-    ):
-        command = click.option(flag, type=QuantityType(unit), help=text)(command)
-    text = "Columns of the files, if the headers do not say: 'strain=1[%],stress=Load[kPa]'."
-    return click.option("--columns", default="", metavar="KIND=COLUMN[UNIT],...", help=text)(command)
+from softmodels.tensile import TensileError
+from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of, spread
+from softmodels.tensile_options import read_curves, specimen_options, tensile_option
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
 @tensile_option()
 @click.option("--material", "laws", default="yeoh", show_default=True, metavar="LAW,...",
-              help=f"Laws to fit and compare: {', '.join(LAWS)}, ogden1 to ogden4, or all.")  # fmt: skip
+              help=f"Laws to compare: {', '.join(LAWS)}, ogden1 to ogden4, or all.")  # fmt: skip
 @click.option("--stretch", metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
 @click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
               help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and the curve's noise. The last two take their "
               "size from the scatter.")  # fmt: skip
 @click.option("--gauge-error", default="0%", show_default=True, metavar="SHARE",
-              help="Standard error of each test's own factor on the stress (cross-section, load cell), such as 3%.")  # fmt: skip
+              help="Standard error of a factor on each test (cross-section, load cell), such as 3%.")  # fmt: skip
 @click.option("--poisson", type=float, default=0.5, show_default=True, help="Poisson's ratio of the fitted material.")
 @click.option("--fix", "fixes", multiple=True, metavar="NAME=VALUE", help="Keep a parameter, such as c3=0.")
 @click.option(
@@ -108,15 +91,19 @@ def _report(options: dict[str, Any]) -> Report:
     if not 0.0 <= gauge_error < 1.0:
         raise FitError(f"a gauge error of {gauge_error:g} is not a share between 0 and 100 %")
     changes = [changes_for(choice, options, alone=len(choices) == 1) for choice in choices]
-    fitted = []
-    for choice, change in zip(choices, changes, strict=True):
-        sources, gauges = residuals_of(curves, choice, error, gauge_error)
-        fitted.append(
-            fit_law(
-                choice, sources, gauges, changes=change, loss="soft_l1" if options["robust"] else "linear",
-                errors="stated" if error.stated else "unknown",
-            )
-        )  # fmt: skip
+    errors = "stated" if error.stated else "unknown"
+
+    def fit_all(**how: Any) -> list[Fit]:
+        found = []
+        for choice, change in zip(choices, changes, strict=True):
+            sources, gauges = residuals_of(curves, choice, error, gauge_error)
+            found.append(fit_law(choice, sources, gauges, changes=change, errors=errors, **how))
+        return found
+
+    fitted = fit_all()
+    if options["robust"]:
+        # What counts as an outlier is the closest law's to say, for all laws alike.
+        fitted = fit_all(loss="soft_l1", scale=min(map(spread, fitted)))
     comparison = compare(fitted)
     strain = largest_strain(curves)
     laws = []
@@ -136,48 +123,6 @@ def _how(options: dict[str, Any]) -> str:
     robust = ", outliers counted by their size" if options["robust"] else ""
     gauge = "" if options["gauge_error"] in ("0", "0%") else f", a factor of 1 +- {options['gauge_error']} on each test"
     return f"{size}{robust}{gauge}; Poisson's ratio {options['poisson']:g} is given, not fitted"
-
-
-def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
-    """The curves of ``--tensile``, within ``--stretch``.
-
-    Raises:
-        TensileError: A curve cannot be used, or they do not go together.
-    """
-    if not options["tensile"]:
-        raise TensileError("nothing to fit to; give a curve with --tensile FILE")
-    sizes = ("cross_section", "gauge_length", "radius", "thickness")
-    specimen = Specimen(**{name: options[name] for name in sizes})
-    curves = []
-    for text in options["tensile"]:
-        name, _, test = text.rpartition(":")
-        if not name or (test.lower() not in SYNONYMS and Path(text).exists()):
-            name, test = text, "uniaxial"
-        curves.append(read_curve(Path(name), test, options["columns"], specimen))
-    moduli = [small_modulus(curve) for curve in curves]
-    if max(moduli) > APART * min(moduli):
-        low, high = (curves[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
-        raise TensileError(
-            f"{low} begins with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} kPa; "
-            "they cannot be one material, so check their units"
-        )
-    if options.get("stretch"):
-        low_end, high_end = stretch_range(options["stretch"])
-        curves = [curve.within(low_end, high_end) for curve in curves]
-    return curves
-
-
-def stretch_range(text: str) -> tuple[float, float]:
-    """Read ``"1.02:6"``."""
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise TensileError(f"stretch {text!r} is not a range; write it like 1.02:3") from None
-    if not 0.0 < low < high < 100.0:
-        raise TensileError(f"stretch {text!r}: a range rises, from above 0 to below 100")
-    if high <= 1.0 <= low or low == high:
-        raise TensileError(f"stretch {text!r} holds nothing but rest")
-    return low, high
 
 
 def law_choices(text: str, poisson: float) -> list[LawChoice]:

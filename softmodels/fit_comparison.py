@@ -6,6 +6,8 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from softmodels.fit_result import Fit
 
 UNDECIDED = 2.0
@@ -49,12 +51,15 @@ def compare(fits: Sequence[Fit]) -> Comparison:
     Raises:
         ValueError: They are not of the same measurements.
     """
-    if len({(fit.count, fit.loss, fit.errors) for fit in fits}) != 1:
-        raise ValueError("only fits of the same measurements, with the same loss and errors, can be compared")
+    first = fits[0]
+    for other in fits[1:]:
+        alike = (other.loss, other.errors, other.rows.groups) == (first.loss, first.errors, first.rows.groups)
+        if not alike or not np.allclose(other.rows.sizes, first.rows.sizes, rtol=1e-12):
+            raise ValueError("only fits of the same measurements, with the same loss and errors, can be compared")
     closest = min(fits, key=lambda fit: fit.deviance)
     worth = max(closest.dispersion * closest.count / closest.independent, 1e-300)
     if closest.loss != "linear":
-        worth *= closest._weights[1]
+        worth *= closest.influence[1]
     made = []
     for fit in fits:
         m = len(fit.free) + 1

@@ -107,6 +107,8 @@ def draw_profiles(one: Fitted) -> Figure:
         axes.set_xlabel(f"{profile.name} ({unit})" if unit else profile.name)
         axes.set_ylabel("rise of the deviance")
         axes.tick_params(axis="x", labelrotation=25)
+        if profile.values[0] > 0.0 and profile.values[-1] > 50 * profile.values[0]:
+            axes.set_xscale("log")
     for axes in grid[len(one.profiles) :]:
         axes.set_visible(False)
     grid[0].legend(loc="upper center", fontsize=9)
@@ -127,7 +129,9 @@ def _panels(count: int, height: float) -> tuple[Figure, Sequence[Axes]]:
 def pictures(report: Report) -> dict[str, bytes]:
     """All pictures as PNG, by file name."""
     with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
-        figures = {"curves.png": draw_curves(report), "residuals.png": draw_residuals(report)}
+        figures = {}
+        if report.curves:
+            figures = {"curves.png": draw_curves(report), "residuals.png": draw_residuals(report)}
         for one in report.laws:
             if one.profiles:
                 figures[f"profiles-{one.choice.name}.png"] = draw_profiles(one)

@@ -9,8 +9,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.fit_problem import CannotEvaluate, Parameter, Problem, loss_of
 from softmodels.fit_result import Fit
-from softmodels.fitting import CannotEvaluate, Parameter, Problem, loss_of
 
 Array = npt.NDArray[np.float64]
 REACH = 1.6
@@ -75,14 +75,14 @@ def profile(result: Fit, name: str, n: int = 15) -> Profile:
 def _worth(result: Fit, name: str) -> float:
     """Rise of the deviance that counts as 1: its curvature along the profile times the parameter's variance."""
     names = [p.name for p in result.free]
-    slope = result._weights[1]
+    slope = result.influence[1]
     error = result.error(name)
     if not (math.isfinite(error) and error > 0.0):
         return result.dispersion * slope * result.count / result.independent
     inside = [i for i, q in enumerate(result.free) if q.name not in result.at_bounds]
     J = result.jacobian[:, inside]
     size = np.linalg.norm(J, axis=0)
-    bread, _ = result._information(J / size)
+    bread, _ = result.information(J / size)
     place = inside.index(names.index(name))
     return error**2 * size[place] ** 2 / float(np.linalg.pinv(bread, rcond=1e-16, hermitian=True)[place, place])
 
@@ -105,7 +105,8 @@ def _side(result: Fit, p: Parameter, sign: float, count: int, worth: float, limi
         ended = (held - bound) * sign >= 0.0
         held = bound if ended else held
         solved = _held(result, p.name, held, warm)
-        if solved is None:
+        if solved is None:  # the law has no answer there: the likelihood ends
+            found.append((held, math.inf))
             break
         rise = (solved[0] - result.deviance) / worth
         warm = solved[1]
@@ -129,9 +130,7 @@ def _closer(
             break
         middle = (inner[0] + outer[0]) / 2
         solved = _held(result, name, middle, dict(result.values))
-        if solved is None:
-            break
-        point = (middle, (solved[0] - result.deviance) / worth)
+        point = (middle, (solved[0] - result.deviance) / worth if solved else math.inf)
         more.append(point)
         inner, outer = (inner, point) if point[1] >= limit else (point, outer)
     return more

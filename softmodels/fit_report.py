@@ -80,8 +80,12 @@ class Report:
 
     @property
     def ranges(self) -> list[str]:
-        return [f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
-                for c in self.curves]  # fmt: skip
+        """Which part of each curve was fitted, and what was left out of it."""
+        return [
+            f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
+            + "".join(f"; {remark}" for remark in c.remarks)
+            for c in self.curves
+        ]
 
     @property
     def verdict(self) -> str:
@@ -236,7 +240,8 @@ def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
         "singular_values": fit.singular_values[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {
-            name: {"values": p.values.tolist(), "rises": p.rises.tolist(), "limit": p.limit} for name, p in one.profiles.items()
+            name: {"values": p.values.tolist(), "rises": [*map(_finite, p.rises)], "limit": p.limit}
+            for name, p in one.profiles.items()
         },
         "deviance": fit.deviance, "scatter": fit.scatter, "independent": fit.independent, "loss": fit.loss,
         "errors": fit.errors, "evaluations": fit.evaluations, "aicc": fit.aicc, "bic": fit.bic,

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.stats import norm, t
 
 if TYPE_CHECKING:
-    from softmodels.fitting import Parameter, Problem
+    from softmodels.fit_problem import Parameter, Problem
 
 Array = npt.NDArray[np.float64]
 
@@ -22,10 +22,10 @@ SHORTEST = 8
 """Groups with fewer residuals than this tell nothing about the correlation along them."""
 BLIND = 1e-8
 """Directions in which the scaled Jacobian is this much smaller than in its largest are not seen at all."""
+LEAST_FREEDOM = 0.2
+"""A residual whose leverage leaves it less freedom than this counts as if it had this much."""
 EXACT = 1e-6
 """Residuals below this share of the model are no scatter."""
-TOGETHER = 0.98
-"""Parameters whose estimates correlate beyond this are seen only together."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Fit:
     # -- scatter ------------------------------------------------------------------------------------------------------
 
     @functools.cached_property
-    def _weights(self) -> tuple[Array, float]:
+    def influence(self) -> tuple[Array, float]:
         """Influence psi of each measured residual, and the mean of its slope."""
         r = self.residuals[: self.count]
         if self.loss == "linear":
@@ -138,7 +138,7 @@ class Fit:
     @functools.cached_property
     def scatter(self) -> float:
         """Standard deviation of the residuals in units of their stated errors, counted as the loss counts them."""
-        psi, slope = self._weights
+        psi, slope = self.influence
         freedom = max(len(self.residuals) - len(self.free), 1)
         return math.sqrt(len(self.residuals) / freedom * float(np.mean(psi**2))) / slope
 
@@ -150,7 +150,7 @@ class Fit:
     @functools.cached_property
     def runs(self) -> dict[str, float]:
         """By group: over how many neighbours its residuals keep together (integrated autocorrelation, at least 1)."""
-        psi, _ = self._weights
+        psi, _ = self.influence
         labels = np.array(self.rows.groups)
         return {str(name): autocorrelation_time(psi[labels == name]) for name in dict.fromkeys(self.rows.groups)}
 
@@ -176,7 +176,7 @@ class Fit:
     def _sandwich(self, J: Array) -> Array:
         size = np.linalg.norm(J, axis=0)
         size[size == 0.0] = 1.0
-        bread, meat = self._information(J / size)
+        bread, meat = self.information(J / size)
         eigenvalues, vectors = np.linalg.eigh(bread)
         seen = eigenvalues > BLIND**2 * max(eigenvalues[-1], 1e-300)
         inverse = (vectors[:, seen] / eigenvalues[seen]) @ vectors[:, seen].T
@@ -187,14 +187,25 @@ class Fit:
         result: Array = covariance / np.outer(size, size)
         return result
 
-    def _information(self, J: Array) -> tuple[Array, Array]:
-        """Expected curvature of half the deviance, and the variance of its slope."""
-        _, slope = self._weights
+    def information(self, J: Array) -> tuple[Array, Array]:
+        """Expected curvature of half the deviance, and the variance of its slope.
+
+        Stated errors say how the variance is spread over the residuals. Unknown ones do not: there each residual speaks
+        for itself, made larger by its leverage (HC3: MacKinnon & White 1985, doi 10.1016/0304-4076(85)90158-7), so that a
+        mistaken weighting costs width and not truth.
+        """
+        psi, slope = self.influence
         data, priors = J[: self.count], J[self.count :]
         known = priors.T @ priors
-        run = np.array([self.runs[name] for name in self.rows.groups])
-        meat = self.dispersion * slope**2 * (data.T * run) @ data + known
-        return slope * data.T @ data + known, meat
+        bread = slope * data.T @ data + known
+        spread = np.array([self.runs[name] for name in self.rows.groups])
+        if self.errors == "unknown":
+            inverse = np.linalg.pinv(bread, rcond=BLIND**2, hermitian=True)
+            leverage = slope * np.einsum("ij,jk,ik->i", data, inverse, data)
+            spread = spread * (psi / np.maximum(1 - leverage, LEAST_FREEDOM)) ** 2
+        else:
+            spread = spread * self.dispersion * slope**2
+        return bread, (data.T * spread) @ data + known
 
     @functools.cached_property
     def newton_step(self) -> float:
@@ -205,9 +216,9 @@ class Fit:
         J = self.jacobian[:, inside]
         size = np.linalg.norm(J, axis=0)
         J = J / np.where(size == 0.0, 1.0, size)
-        psi, _ = self._weights
+        psi, _ = self.influence
         gradient = J.T @ np.concatenate([psi, self.residuals[self.count :]])
-        bread, _ = self._information(J)
+        bread, _ = self.information(J)
         step = np.linalg.pinv(bread, rcond=BLIND, hermitian=True) @ gradient
         # Numbers that a law follows to rounding have no standard error to speak of.
         model = self.jacobian[: self.count] @ np.array([self.values[p.name] for p in self.free])
@@ -248,51 +259,17 @@ class Fit:
 
     @functools.cached_property
     def singular_values(self) -> tuple[Array, Array]:
-        """Singular values (m,) of the data's Jacobian and its right vectors (m, m), in rows.
+        """See `softmodels.fit_sight.singular_values`."""
+        from softmodels.fit_sight import singular_values
 
-        The columns are scaled by what is a large change of each parameter: its prior's error, half the span of its bounds,
-        or its own size. A value far below 1 is a combination that the data cannot tell from no change.
-        """
-        J = self.jacobian[: self.count] * np.array([self._reach(p) for p in self.free]) / math.sqrt(self.dispersion)
-        _, values, vectors = np.linalg.svd(J, full_matrices=len(J) < J.shape[1])
-        return np.pad(values, (0, len(self.free) - len(values))), vectors
-
-    def _reach(self, p: Parameter) -> float:
-        if p.prior:
-            return p.prior.error
-        if math.isfinite(p.upper - p.lower) and not p.logarithmic:
-            return (p.upper - p.lower) / 2
-        return abs(self.values[p.name]) or p.scale
+        return singular_values(self)
 
     @functools.cached_property
     def unseen(self) -> tuple[str, ...]:
         """Sentences on parameters, or combinations of them, that the data do not determine."""
-        said = []
-        for p in self.free:
-            if p.name in self.at_bounds:
-                continue
-            reach = self.quantile * self._data_error(p.name)
-            told = _allowed(p, self.values[p.name])
-            if not reach < told[0]:
-                said.append(f"the data do not see {p.name}: its interval is wider than {told[1]}")
-        R = self.correlations
-        for i, a in enumerate(self.free):
-            for j in range(i):
-                if abs(R[i, j]) > TOGETHER:
-                    both = f"{self.free[j].name} and {a.name}"
-                    said.append(f"the data see {both} only together (correlation {R[i, j]:.3f})")
-        values, vectors = self.singular_values
-        if values[-1] <= BLIND * max(values[0], 1e-300):
-            mixed = [p.name for p, share in zip(self.free, vectors[-1], strict=True) if abs(share) > 0.1]
-            said.append(f"the data do not see one combination of {', '.join(mixed)} at all")
-        return tuple(said)
+        from softmodels.fit_sight import unseen
 
-    def _data_error(self, name: str) -> float:
-        """Standard error from the measured residuals alone, as if there were no priors."""
-        if not any(p.prior for p in self.free):
-            return self.error(name)
-        data = dataclasses.replace(self, residuals=self.residuals[: self.count], jacobian=self.jacobian[: self.count])
-        return data.error(name)
+        return unseen(self)
 
     # -- how well it fits ---------------------------------------------------------------------------------------------
 
@@ -326,15 +303,6 @@ class Fit:
         if self.errors == "stated":
             return self.deviance
         return self.count * math.log(max(self.deviance, 1e-300) / self.count)
-
-
-def _allowed(p: Parameter, value: float) -> tuple[float, str]:
-    """How wide an interval may be before the data say nothing: its half width, and what it is held against."""
-    if p.prior:
-        return 1.96 * p.prior.error, "its prior"
-    if p.logarithmic or not math.isfinite(p.upper - p.lower):
-        return (abs(value) or p.scale) * (1.0 if p.lower >= 0.0 else 10.0), "its own size"
-    return (p.upper - p.lower) / 2, "its bounds"
 
 
 def autocorrelation_time(r: Array) -> float:

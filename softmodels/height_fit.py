@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.fit_problem import FitError, Parameter
 from softmodels.fit_result import Fit
-from softmodels.fitting import FitError, Parameter, fit
+from softmodels.fitting import fit
 from softmodels.inflation import Inflation
 from softmodels.outline_data import TALLEST, OutlineFitError
 from softmodels.outline_start import starts

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from softmodels.controls import Control, pressure_control, volume_control
 from softmodels.equilibrium import Equilibrium, NoConvergence, State
-from softmodels.fitting import CannotEvaluate
+from softmodels.fit_problem import CannotEvaluate
 from softmodels.law_choice import LawChoice
 from softmodels.loading import Path, PathEnd, trace
 from softmodels.materials import Material, MaterialError

@@ -23,8 +23,9 @@ import numpy.typing as npt
 from measurement.column import DENSITY_ERROR
 from measurement.units import WATER_DENSITY
 from softmodels.equilibrium import State
+from softmodels.fit_problem import CannotEvaluate, FitError, Parameter, Prior, Residuals
 from softmodels.fit_result import Fit
-from softmodels.fitting import CannotEvaluate, FitError, Parameter, Prior, Residuals, fit
+from softmodels.fitting import fit
 from softmodels.inflation import Inflation
 from softmodels.outline_data import OutlineFitError, Shape
 from softmodels.outline_start import starts
@@ -256,7 +257,7 @@ def fits_badly(chi2: float, count: int) -> bool:
 
 def fit_outlines(
     source: OutlineResiduals,
-    bench: Bench = Bench(),  # noqa: B008  (frozen)
+    bench: Bench = Bench(),
     *,
     more: Sequence[Residuals] = (),
     others: Sequence[Parameter] = (),

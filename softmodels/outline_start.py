@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.equilibrium import NoConvergence
-from softmodels.fitting import CannotEvaluate
+from softmodels.fit_problem import CannotEvaluate
 from softmodels.inflation import Inflation
 from softmodels.loading import FARTHEST, Path, PathEnd, trace
 from softmodels.outline_data import OutlineFitError

@@ -17,7 +17,6 @@ import dataclasses
 import math
 import types
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt

@@ -167,6 +167,7 @@ def fit_law(
     changes: Mapping[str, Mapping[str, Any]] | None = None,
     loss: str = "linear",
     errors: str = "unknown",
+    scale: float | None = None,
 ) -> Fit:
     """Fit a law to curves from starts in closed form.
 
@@ -177,8 +178,10 @@ def fit_law(
         more: Further sources that depend on the law's parameters by the names of `LawChoice.names`.
         modulus: Shear modulus in Pa to start from where there are no curves.
         changes: Fields of `Parameter` to replace, by name of the parameter: ``{"c3": {"start": 0.0, "fixed": True}}``.
-        loss: See `softmodels.fitting.fit`; with errors of unknown size, a first fit sets the size that the loss needs.
+        loss: See `softmodels.fitting.fit`.
         errors: See `softmodels.fitting.fit`.
+        scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all
+            laws that are to be compared. None takes `spread` of a first fit without it.
 
     Raises:
         FitError: See `softmodels.fitting.fit`; or a change names no parameter.
@@ -188,9 +191,9 @@ def fit_law(
         if name not in known:
             raise FitError(f"{choice.name} has no parameter {name!r}; it has {', '.join(sorted(known))}")
     if loss != "linear" and errors == "unknown":
-        pilot = fit_law(choice, sources, others, more=more, modulus=modulus, changes=changes, errors=errors)
-        spread = 1.4826 * float(np.median(np.abs(pilot.residuals[: pilot.count])))
-        sources = [dataclasses.replace(s, errors=s.errors * max(spread, 1e-9)) for s in sources]
+        if scale is None:
+            scale = spread(fit_law(choice, sources, others, more=more, modulus=modulus, changes=changes, errors=errors))
+        sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
     fits = []
     guesses = starts_for(choice, sources) if sources else [choice.from_modulus(modulus)]
     for starts in distinct(guesses).values():
@@ -202,6 +205,11 @@ def fit_law(
     if not fits:
         raise FitError(f"{choice.name}: {trouble}")
     return min(fits, key=lambda one: (not one.converged, one.deviance))
+
+
+def spread(fit: Fit) -> float:
+    """Standard deviation of a fit's residuals that outliers hardly change (median absolute deviation)."""
+    return max(1.4826 * float(np.median(np.abs(fit.residuals[: fit.count]))), 1e-9)
 
 
 def changed(parameter: Parameter, change: Mapping[str, Any]) -> Parameter:

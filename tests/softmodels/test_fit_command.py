@@ -148,6 +148,28 @@ def test_fix_bounds_and_priors(says, tmp_path):
     assert material_from(str(tmp_path / "fitted.toml"), {}).c3 == 0.0
 
 
+def test_robust_laws_are_compared_on_one_scale(says, tmp_path, folder):
+    """With a slipping grip in the curve, the law that made it is still preferred to one that it does not follow."""
+    stress = respond(LAW, L, "uniaxial").stress + np.random.default_rng(8).normal(0.0, 30.0, L.size)
+    stress[30:34] -= 8e3
+    (folder / "slip.csv").write_text(
+        "stretch,stress (kPa)\n" + "".join(f"{a},{b / 1e3}\n" for a, b in zip(L, stress, strict=True))
+    )
+    words = [
+        "--tensile",
+        "slip.csv",
+        "--material",
+        "neo-hookean,yeoh",
+        "--robust",
+        "--no-pictures",
+        "-o",
+        str(tmp_path),
+    ]
+    status, said, _ = says("fit", *words)
+    assert status == 0 and "the data prefer yeoh" in said and "outliers counted by their size" in said
+    assert material_from(str(tmp_path / "fitted.toml"), {}).c1 == pytest.approx(LAW.c1, rel=0.03)
+
+
 def test_an_unsound_law_is_not_called_good(says, tmp_path, folder):
     """A curve that softens gives a Yeoh law that Drucker's criterion refuses within its own range: status 1."""
     soft = Yeoh(8e3, -200.0, 0.0, 0.5)

@@ -47,7 +47,7 @@ def free(*names, start=1.0, **more):
 
 def test_line_is_linear_algebra():
     measured = 2 + 3 * X + 0.1 * NOISE
-    found = fit([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), errors="unknown")
+    found = fit([Curve(line, ("a", "b"), measured, 0.01)], free("a", "b"))
     A = np.column_stack([np.ones_like(X), X])
     by_hand, misfit, *_ = np.linalg.lstsq(A, measured, rcond=None)
     assert [found.values["a"], found.values["b"]] == pytest.approx(by_hand, rel=1e-9)
@@ -57,6 +57,17 @@ def test_line_is_linear_algebra():
     reach = student.ppf(0.975, len(X) - 2) * np.sqrt(covariance[1, 1])
     assert found.interval("b") == pytest.approx((by_hand[1] - reach, by_hand[1] + reach))
     assert found.troubles == () and found.unseen == () and found.converged
+
+
+def test_unknown_errors_let_each_residual_speak():
+    """HC3 by hand: (A'A)^-1 A' diag(r_i / (1 - h_i))^2 A (A'A)^-1."""
+    measured = 2 + 3 * X + 0.1 * NOISE * (1 + X)
+    found = fit([Curve(line, ("a", "b"), measured, 7.0)], free("a", "b"), errors="unknown")
+    A = np.column_stack([np.ones_like(X), X])
+    inverse = np.linalg.inv(A.T @ A)
+    r = measured - A @ inverse @ A.T @ measured
+    weights = (r / (1 - np.diag(A @ inverse @ A.T))) ** 2
+    assert found.covariance == pytest.approx(inverse @ (A.T * weights) @ A @ inverse, rel=1e-6)
 
 
 def test_stated_errors_are_believed_unless_the_scatter_is_larger():
@@ -115,7 +126,7 @@ def test_prior_is_one_more_residual():
 
 def test_a_prior_that_says_all_is_told():
     source = Curve(lambda a: (np.full(4, a), (np.ones(4),)), ("a",), np.full(4, 10.0), 20.0)
-    assert "wider than its prior" in fit([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))]).unseen[0]
+    assert "a rests on its prior" in fit([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))]).unseen[0]
 
 
 def test_what_cannot_be_told_apart_has_no_interval():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.fitting import CannotEvaluate
+from softmodels.fit_problem import CannotEvaluate
 from softmodels.height_fit import Height, HeightResiduals, check_heights, fit_heights
 from softmodels.law_choice import LawChoice
 from softmodels.outline_data import prepare

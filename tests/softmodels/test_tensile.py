@@ -52,7 +52,7 @@ SAME = {
         L, np.log(L), S * L / 1e6, L - 1, S / 1e6, separator=";", above=MARECHAL,
     ),
     "a byte order mark": b"\xef\xbb\xbf" + table(["strain", "stress (kPa)"], L - 1, S / 1e3).encode(),
-    "old letters": table(["strain", "stress (kPa)"], L - 1, S / 1e3, above="").encode() .replace(b"strain", b"\xb5-strain strain"),
+    "old letters": table(["strain", "stress (kPa)"], L - 1, S / 1e3).encode().replace(b"strain", b"\xb5-strain strain"),
 }  # fmt: skip
 
 

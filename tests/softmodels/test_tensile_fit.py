@@ -10,7 +10,7 @@ from softmodels.law_choice import ALL, LawChoice
 from softmodels.materials import LAWS
 from softmodels.specimens import MODE_NAMES, respond
 from softmodels.tensile import TensileCurve
-from softmodels.tensile_fit import StressError, fit_law, residuals_of
+from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of
 
 TRUTH = {
     "neo-hookean": {"shear_modulus": 20e3},
@@ -89,10 +89,14 @@ def test_noisy_fits_end_well(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "error"), [("yeoh", "50Pa"), ("yeoh", "constant"), ("gent", "constant"), ("mooney-rivlin", "50Pa")]
+    ("name", "error"),
+    [("yeoh", "50Pa"), ("yeoh", "constant"), ("yeoh", "auto"), ("gent", "auto"), ("mooney-rivlin", "50Pa")],
 )
 def test_intervals_cover_the_truth(name, error):
-    """250 noisy repeats of one uniaxial test: the 95 % intervals of every parameter hold the truth in 90 to 99 %."""
+    """250 noisy repeats of one uniaxial test: the 95 % intervals of every parameter hold the truth in 90 to 99 %.
+
+    The noise is constant, so that "auto", which takes it to grow with the stress, is a mistaken weighting.
+    """
     hits = np.zeros(len(TRUTH[name]))
     for seed in range(250):
         choice, stated = LawChoice.from_text(name), StressError.from_text(error)
@@ -121,6 +125,16 @@ def test_gauge_error_widens_the_modulus_and_nothing_else():
     assert plain.error("c1") / 8e3 < 0.005
     assert gauged.error("c1") / 8e3 == pytest.approx(0.03, rel=0.1)
     assert gauged.values["c1"] == pytest.approx(plain.values["c1"], rel=1e-3)
+    assert gauged.unseen[0] == "gauge1 rests on its prior: without it, its interval would be wider"
+    assert not any("do not see" in text for text in gauged.unseen)
+
+
+def test_profile_ends_where_the_law_does():
+    """Gent's limit cannot lie below the largest I1 - 3 measured, whatever the data say of its upper end."""
+    curve = curves_of("gent", 2000.0, 3, top=3.0, modes=("uniaxial",))
+    profile = fitted("gent", curve, "2kPa").profile("limit")
+    assert profile.interval[0] >= largest_strain(curve) > 5.0
+    assert profile.interval[1] > 60.0
 
 
 def test_uniaxial_data_do_not_see_the_limit_of_soft_chains():
