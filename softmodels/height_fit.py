@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -87,9 +88,11 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
             f"the largest height is {highest * 1e3:.4g} mm, for a device {width * 2e3:.4g} mm across: check the unit "
             "(heights are in metres)"
         )
-    for one, two in zip(kept[:-1], kept[1:], strict=True):
+    for one, two in itertools.pairwise(kept):
         if two.pressure - one.pressure <= 1e-6 * two.pressure:
-            raise OutlineFitError(f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give one")
+            raise OutlineFitError(
+                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give one"
+            )
     return kept
 
 

@@ -101,7 +101,9 @@ class Inflation:
         self.reshaping.move(lengths)
         return lengths
 
-    def states(self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume") -> list[State]:
+    def states(
+        self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume"
+    ) -> list[State]:
         """The states with added volumes in m3, or at pressures in Pa, in any order, on one path.
 
         Raises:

@@ -7,6 +7,7 @@ three times as long as the errors keep together (their integrated autocorrelatio
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from geometries import Actuator
 from measurement.outline import Outline, OutlineError
 from measurement.smoothing import SPAN
+from softmodels.fit_problem import FitError
 from softmodels.fit_result import autocorrelation_time
 
 Array = npt.NDArray[np.float64]
@@ -45,7 +47,7 @@ ALIKE = 0.1
 """Heights closer than this, relative, are one state; past a limit point one pressure has two, which are further apart."""
 
 
-class OutlineFitError(ValueError):
+class OutlineFitError(FitError):
     """Outlines that cannot be fitted; the message is a sentence for the user."""
 
 
@@ -225,7 +227,7 @@ def _check_pressures(outlines: Sequence[Outline]) -> None:
             raise OutlineFitError(
                 f"{outline.source}: a pressure of {outline.pressure / 1e3:.4g} kPa inflates no silicone; check its unit"
             )
-    for one, two in zip(outlines[:-1], outlines[1:], strict=True):
+    for one, two in itertools.pairwise(outlines):
         same = two.pressure - one.pressure <= CLOSE * abs(two.pressure)
         if same and abs(two.height - one.height) <= ALIKE * max(abs(two.height), abs(one.height), FLOOR):
             raise OutlineFitError(

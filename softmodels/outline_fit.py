@@ -83,8 +83,8 @@ class OutlineResiduals:
         self.volumes = tuple(f"volume{i + 1}" for i in range(len(shapes)))
         self.parameters = (*inflation.names, *BENCH, *self.volumes)
         self.most = max(shape.pressure for shape in shapes)
-        labels = [[shape.source] * len(shape.weight) for shape in shapes]
-        self.groups = np.array([*sum(labels, []), *[READINGS] * len(shapes)])
+        labels = [shape.source for shape in shapes for _ in shape.weight]
+        self.groups = np.array([*labels, *[READINGS] * len(shapes)])
         self.fixed: frozenset[str] = frozenset()
         self._known: tuple[tuple[float, ...], list[Fitting]] | None = None
 
@@ -232,10 +232,10 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
     return [p if p.name in bench.free else dataclasses.replace(p, fixed=True) for p in made.values()]
 
 
-def volume_parameters(source: OutlineResiduals, volumes: Sequence[float]) -> list[Parameter]:
+def volume_parameters(source: OutlineResiduals, volumes: Sequence[float] | Array) -> list[Parameter]:
     """The hidden added volumes with a start for each, m3."""
     return [
-        Parameter(name, "m^3", start, 0.05 * start, 4.0 * start)
+        Parameter(name, "m^3", start, 0.05 * start, 4.0 * start, hidden=True)
         for name, start in zip(source.volumes, volumes, strict=True)
     ]
 

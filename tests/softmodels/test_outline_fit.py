@@ -68,8 +68,17 @@ def test_derivatives_are_exact(inflation):
     free = (*BENCH, "poisson", "membrane")
     measured = np.array([(s.height, s.pressure, s.pressure_error) for s in source.shapes]).T
     begin, volumes = starts(device, *measured)
-    parameters = [*device.choice.parameters(begin[0]), *nuisances(source, Bench(free)), *volume_parameters(source, volumes)]
-    values = {p.name: p.start for p in parameters} | {"scale": 0.001, "leak": 0.01, "poisson": 0.48, "centre": 1.0005e-3}
+    parameters = [
+        *device.choice.parameters(begin[0]),
+        *nuisances(source, Bench(free)),
+        *volume_parameters(source, volumes),
+    ]
+    values = {p.name: p.start for p in parameters} | {
+        "scale": 0.001,
+        "leak": 0.01,
+        "poisson": 0.48,
+        "centre": 1.0005e-3,
+    }
     sizes = {p.name: 0.02 * p.scale for p in parameters} | {"poisson": 1e-3, "centre": 1e-5, "zero": 1e-5}
     rng = np.random.default_rng(5)
     direction = {name: size * rng.uniform(0.5, 1.0) for name, size in sizes.items()}

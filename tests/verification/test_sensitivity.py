@@ -47,11 +47,11 @@ def changed(material, name, by):
     """A material with one number moved."""
     field = name if hasattr(material, name) else name[:-1]
     value = getattr(material, field)
-    if isinstance(value, tuple):
-        value = tuple(v + by * (i == int(name[-1]) - 1) for i, v in enumerate(value))
-    else:
-        value = value + by
-    return dataclasses.replace(material, **{field: value})
+    if not isinstance(value, tuple):
+        return dataclasses.replace(material, **{field: value + by})
+    return dataclasses.replace(
+        material, **{field: tuple(v + by * (i == int(name[-1]) - 1) for i, v in enumerate(value))}
+    )
 
 
 def size_of(equations, name):
