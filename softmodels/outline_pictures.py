@@ -19,19 +19,24 @@ COLUMNS = 3
 
 def draw_outlines(fittings: Sequence[Fitting], law: str) -> Figure:
     """All outlines in the device's own place: points measured, lines simulated, a colour per pressure."""
-    figure = Figure((WIDTH, 0.62 * WIDTH), dpi=DPI, layout="constrained")
+    figure = Figure((WIDTH, 0.55 * WIDTH), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     for fitting, colour in zip(fittings, _colours(len(fittings)), strict=True):
         stride = max(len(fitting.points) // SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
-        axes.plot(measured[:, 0], measured[:, 1], ".", ms=3, color=colour, alpha=0.6)
+        axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=INK, alpha=0.5)
         half = 1e3 * half_outline(fitting.curve, 2e-5)[0]
         label = f"{fitting.shape.pressure / 1e3:.3g} kPa"
         axes.plot(
-            np.r_[-half[:0:-1, 0], half[:, 0]], np.r_[half[:0:-1, 1], half[:, 1]], color=colour, lw=1.2, label=label
+            np.r_[-half[:0:-1, 0], half[:, 0]], np.r_[half[:0:-1, 1], half[:, 1]], color=colour, lw=1.4, label=label
         )
     axes.axhline(0.0, color=FAINT, linewidth=0.8)
-    axes.set_aspect("equal")
+    reach = 1e3 * max(float(fitting.points[:, 0].max()) for fitting in fittings)
+    top = 1e3 * max(float(fitting.points[:, 1].max()) for fitting in fittings)
+    axes.set_xlim(-1.15 * reach, 1.15 * reach)
+    axes.set_ylim(-0.04 * top, 1.06 * top)
+    if top > reach / 2:  # flatter ones would be a thin strip
+        axes.set_aspect("equal")
     axes.set_xlabel("distance from the axis (mm)")
     axes.set_ylabel("height (mm)")
     axes.set_title(f"{law}: measured (points) and simulated (lines) outlines")
