@@ -13,8 +13,24 @@ The same from a shell is ``python -m geometries HollowDisk --membrane 4mm -o dis
 from geometries.actuator import Actuator, CutPlane, Hold
 from geometries.disk import HollowDisk
 from geometries.errors import GeometryError, MeshingError
+from geometries.imported import ImportedActuator
+from geometries.seminar import SeminarActuator
 
-ACTUATORS: dict[str, type[Actuator]] = {"HollowDisk": HollowDisk}
+ACTUATORS: dict[str, type[Actuator]] = {
+    "HollowDisk": HollowDisk,
+    "SeminarActuator": SeminarActuator,
+    "ImportedActuator": ImportedActuator,
+}
 """Every device by the name used in settings files and on command lines."""
 
-__all__ = ["ACTUATORS", "Actuator", "CutPlane", "GeometryError", "Hold", "HollowDisk", "MeshingError"]
+__all__ = [
+    "ACTUATORS",
+    "Actuator",
+    "CutPlane",
+    "GeometryError",
+    "Hold",
+    "HollowDisk",
+    "ImportedActuator",
+    "MeshingError",
+    "SeminarActuator",
+]

@@ -15,14 +15,6 @@ from geometries.errors import GeometryError, MeshingError
 from geometries.meshing import summarize
 from geometries.options import device_from, device_options
 
-EXAMPLES = """\b
-Examples:
-  python -m geometries {name} -o disk.msh
-  python -m geometries {name} --variant shadow -o thin.msh
-  python -m geometries {name} --membrane 4mm --cell-size 2mm -o soft.msh
-  python -m geometries {name} --angle 360deg --support base -o full.msh
-  python -m geometries {name} --section axisymmetric -o profile.msh"""
-
 
 @click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.pass_context
@@ -51,7 +43,8 @@ def _command(name: str, device: type[Actuator]) -> click.Command:
     def run(output: Path | None, **values: Any) -> None:
         _make(device, output, values)
 
-    run.__doc__ = f"{_summary(device)}\n\n{EXAMPLES.format(name=name)}"
+    lines = [f"  python -m geometries {name} {options} -o {device.stem}.msh" for options in ("", *device.examples)]
+    run.__doc__ = "\n".join([_summary(device), "", "\b", "Examples:", *(line.replace("  -o", " -o") for line in lines)])
     made: Callable[..., Any] = device_options(device)(run)
     made = click.option(
         "-o", "--output", type=click.Path(path_type=Path), help="Mesh file, ending in .msh.  [default: device and key]"

@@ -24,7 +24,7 @@ __all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vec
 
 Vector = tuple[float, float, float]
 
-RECIPE = 1
+RECIPE = 2
 """Part of every key: raise it when the same parameters give another mesh, so that stored meshes are made anew."""
 
 
@@ -71,6 +71,18 @@ class Actuator(ABC):
 
     lift: ClassVar[Vector] = (0.0, 0.0, 1.0)
     """Direction in which the membrane rises."""
+
+    stem: ClassVar[str] = "device"
+    """Name of its result files and default folder where a case has no name."""
+
+    faces: ClassVar[tuple[str, ...]] = ()
+    """Physical groups on the outside that a thin sheet can be bonded to."""
+
+    stiffer: ClassVar[str] = "thicker walls"
+    """What bears more pressure before it balloons, with the options; a clause for messages."""
+
+    examples: ClassVar[tuple[str, ...]] = ()
+    """Options worth showing in a command's help."""
 
     def __post_init__(self) -> None:
         settle(self)
@@ -121,6 +133,32 @@ class Actuator(ABC):
     @abstractmethod
     def probes(self) -> Mapping[str, Vector]:
         """Named material points in device coordinates (m); each is a vertex of the mesh."""
+
+    @property
+    def gauge(self) -> str:
+        """Name of the probe whose rise along `lift` stands for the device's motion: the first one."""
+        return next(iter(self.probes))
+
+    @property
+    def blocked(self) -> str | None:
+        """Role that is held along the lift, so that the device pushes on it with its blocked force; None if it is free."""
+        return None
+
+    def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
+        """What this kind of device is judged by, beyond the rise of its probes; nothing unless a device says so.
+
+        Args:
+            places: Where the `probes` are now, in device coordinates (m).
+
+        Returns:
+            Figures by their column's name, which ends in the unit: ``{"tip_x_mm": 69.1}``.
+        """
+        return {}
+
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        """Pressure in each cavity ("cavity", "cavity2", ...) over the cavity pressure; one cavity unless a device has more."""
+        return (1.0,)
 
     @property
     @abstractmethod

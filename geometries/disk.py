@@ -34,11 +34,11 @@ from geometries.fields import angle_field, choice_field, length_field, number_fi
 class HollowDisk(Actuator):
     """A hollow disk, as a wedge of any angle that divides the circle or as an axisymmetric profile.
 
-    Lengths are in m, angles in degrees. Physical groups of a wedge: volume "solid"; surfaces "cavity", "outer" and,
+    Lengths are in m, angles in degrees. Physical groups of a wedge: volume "solid"; surfaces "cavity", "top", "outer" and,
     below 360 degrees, "plane0" (at the azimuth) and "plane1" (at azimuth + angle). With ``support="base"`` the bottom
     is the surface "support"; with ``support="rim"`` it belongs to "outer", and its outer edge is the curve "support".
     Half and full disks on a rim add the points "anchor0" (bottom centre) and "anchor1" (full disk: on the rim, at the
-    azimuth). The axisymmetric profile has the surface "solid", the curves "cavity", "outer", "axis" and the curve
+    azimuth). The axisymmetric profile has the surface "solid", the curves "cavity", "top", "outer", "axis" and the curve
     (base) or point (rim) "support"; angle and azimuth mean nothing to it.
     """
 
@@ -59,6 +59,15 @@ class HollowDisk(Actuator):
     azimuth: float = angle_field(0.0, "where the wedge begins, counted from the x axis")
     support: str = choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
 
+    stem: ClassVar = "disk"
+    faces: ClassVar = ("top",)
+    stiffer: ClassVar = "a thicker membrane (--membrane), a smaller cavity (--cavity-radius)"
+    examples: ClassVar = (
+        "--variant shadow",
+        "--membrane 4mm --cell-size 2mm",
+        "--angle 360deg --support base",
+        "--section axisymmetric",
+    )
     variants: ClassVar = {
         "default": {},
         "shadow": {

@@ -38,7 +38,7 @@ def outline(disk: HollowDisk) -> list[Edge]:
     return [
         Edge("support" if disk.support == "base" else "outer", (0.0, 0.0), (outer, 0.0)),
         Edge("outer", (outer, 0.0), (outer, top)),
-        Edge("outer", (outer, top), (0.0, top)),
+        Edge("top", (outer, top), (0.0, top)),
         Edge("axis", (0.0, top), (0.0, ceiling)),
         Edge("cavity", (0.0, ceiling), (inner - fillet, ceiling)),
         *(arc if fillet > 0.0 else []),
@@ -144,8 +144,9 @@ def _surface_role(disk: HollowDisk, tag: int) -> str:
     heights, radii = corners[:, 2], np.hypot(corners[:, 0], corners[:, 1])
     if np.abs(heights).max() < near:
         return "support" if disk.support == "base" else "outer"
-    on_top = np.abs(heights - disk.height).max() < near
-    return "outer" if on_top or np.abs(radii - disk.outer_radius).max() < near else "cavity"
+    if np.abs(heights - disk.height).max() < near:
+        return "top"
+    return "outer" if np.abs(radii - disk.outer_radius).max() < near else "cavity"
 
 
 def _name_rim(disk: HollowDisk) -> None:

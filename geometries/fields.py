@@ -20,9 +20,9 @@ LONGEST = 10.0
 """Longest length in m; anything above it is a number typed in another unit."""
 
 
-def length_field(default: float, text: str, *, zero: bool = False) -> Any:
-    """Return a dataclass field for a length in m; ``zero`` allows the value 0."""
-    return dataclasses.field(default=default, metadata={"unit": "m", "help": text, "zero": zero})
+def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False) -> Any:
+    """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones."""
+    return dataclasses.field(default=default, metadata={"unit": "m", "help": text, "zero": zero, "signed": signed})
 
 
 def angle_field(default: float, text: str) -> Any:
@@ -40,6 +40,17 @@ def choice_field(default: Any, choices: tuple[Any, ...], text: str) -> Any:
     return dataclasses.field(default=default, metadata={"unit": "", "help": text, "choices": choices})
 
 
+def text_field(default: str, text: str) -> Any:
+    """Return a dataclass field for a text."""
+    return dataclasses.field(default=default, metadata={"unit": "", "help": text, "kind": "text"})
+
+
+def list_field(default: tuple[Any, ...], text: str, *, numbers: bool = False) -> Any:
+    """Return a dataclass field for any number of texts, or of pure numbers."""
+    kind = "numbers" if numbers else "texts"
+    return dataclasses.field(default=default, metadata={"unit": "", "help": text, "kind": kind})
+
+
 def shown(value: Any, unit: str) -> str:
     """Return a value as a person would write it, for example ``"20 mm"`` for 0.02 in ``"m"``."""
     if not isinstance(value, int | float):
@@ -50,7 +61,7 @@ def shown(value: Any, unit: str) -> str:
 
 
 def settle(device: Any) -> None:
-    """Turn every field of a frozen dataclass into a plain float, int or str and check what needs no other field.
+    """Turn every field of a frozen dataclass into a plain float, int, str or tuple of them and check what needs no other field.
 
     Plain types make equal devices compare, print and hash equally whether a caller wrote 45, 45.0 or a NumPy scalar.
 
@@ -70,14 +81,32 @@ def _settled(name: str, value: Any, meta: Any) -> Any:
             if value == known and not isinstance(value, bool):
                 return known
         raise GeometryError(f"{name} is {value!r}; it must be one of {', '.join(map(str, meta['choices']))}")
+    if meta.get("kind") == "text":
+        if not isinstance(value, str):
+            raise GeometryError(f"{name} is {value!r}; it must be a text")
+        return value
+    if "kind" in meta:
+        return _settled_list(name, value, meta["kind"])
     if not isinstance(value, numbers.Real) or isinstance(value, bool):
         raise GeometryError(f"{name} is {value!r}; it must be a number{' in ' + unit if unit else ''}")
     plain = float(value)
     if not math.isfinite(plain):
         raise GeometryError(f"{name} is {plain}; it must be a finite number")
     if unit == "m":
-        _check_length(name, plain, meta["zero"])
+        _check_length(name, abs(plain) if meta.get("signed") else plain, meta["zero"])
     return plain
+
+
+def _settled_list(name: str, value: Any, kind: str) -> tuple[Any, ...]:
+    wanted: Any = str if kind == "texts" else numbers.Real
+    if not isinstance(value, list | tuple) or not all(
+        isinstance(item, wanted) and not isinstance(item, bool) for item in value
+    ):
+        raise GeometryError(f"{name} is {value!r}; it must be a list of {kind}, such as [...]")
+    settled = tuple(item if kind == "texts" else float(item) for item in value)
+    if kind == "numbers" and not all(math.isfinite(item) for item in settled):
+        raise GeometryError(f"{name} is {value!r}; it must hold finite numbers")
+    return settled
 
 
 def _check_length(name: str, value: float, zero: bool) -> None:

@@ -35,6 +35,7 @@ SETTINGS = {
     "Mesh.MeshSizeExtendFromBoundary": 0,
     "Mesh.MeshSizeFromPoints": 0,
     "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeMax": 1e22,
     "Mesh.SecondOrderLinear": 0,
     "Mesh.SecondOrderIncomplete": 0,
     "Mesh.MshFileVersion": 4.1,
@@ -49,6 +50,12 @@ LAST_WORDS = b"$EndElements"
 
 LEAST_QUALITY = 0.05
 """Smallest quality (Gmsh's SICN) left alone; below it the mesher tries to improve the cells, at 0 it gives up."""
+
+EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
+"""Ends of the edges of a second-order triangle (the first three) or tetrahedron, in Gmsh's order of nodes."""
+
+ROUNDS = 10
+"""How often straightened cells may spoil their neighbours before that is given up."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,15 +189,40 @@ def _generate(actuator: Actuator) -> None:
     if _worst(actuator.dimension) > LEAST_QUALITY:
         return
     # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
-    gmsh.model.mesh.optimize("HighOrderElastic")
-    if _worst(actuator.dimension) <= 0.0:
-        gmsh.model.mesh.optimize("HighOrder")
+    with contextlib.suppress(
+        Exception
+    ):  # bare, and of no consequence: its solver gave up, and the cells are judged next
+        gmsh.model.mesh.optimize("HighOrderElastic")
+    if _worst(actuator.dimension) <= LEAST_QUALITY:
+        _straighten(actuator.dimension)
     worst = _worst(actuator.dimension)
     if worst <= 0.0:
         raise MeshingError(
             f"The mesh has a cell turned inside out (smallest quality {worst:.2g}); "
             f"try a smaller cell size, more refinement or a larger fillet (or none)"
         )
+
+
+def _straighten(dimension: int) -> None:
+    """Put the mid-edge nodes of spoilt cells back on straight edges; their neighbours follow until all are sound.
+
+    With straight edges every cell is as good as before it was curved. A few chords in place of arcs cost little volume.
+    """
+    import gmsh
+
+    (kind,) = gmsh.model.mesh.getElementTypes(dimension)
+    tags, nodes = gmsh.model.mesh.getElementsByType(kind)
+    nodes = nodes.reshape(len(tags), -1)
+    known, places, _ = gmsh.model.mesh.getNodes()
+    at = np.empty((int(known.max()) + 1, 3))
+    at[known.astype(int)] = places.reshape(-1, 3)
+    for _ in range(ROUNDS):
+        spoilt = nodes[gmsh.model.mesh.getElementQualities(tags, "minSICN") <= LEAST_QUALITY]
+        if not len(spoilt):
+            return
+        for k, (a, b) in enumerate(EDGES[: nodes.shape[1] - dimension - 1]):
+            for middle, start, end in zip(spoilt[:, dimension + 1 + k], spoilt[:, a], spoilt[:, b], strict=True):
+                gmsh.model.mesh.setNode(int(middle), 0.5 * (at[int(start)] + at[int(end)]), [])
 
 
 def _cells(dimension: int) -> np.ndarray:

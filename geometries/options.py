@@ -63,8 +63,22 @@ def _option(field: dataclasses.Field[Any]) -> Callable[[Command], Command]:
     kind: Any = QuantityType(meta["unit"])
     if "choices" in meta:
         kind = click.Choice([str(known) for known in meta["choices"]])
-    text = f"{meta['help'][0].upper()}{meta['help'][1:]}.  [default: {_friendly(field.default, meta['unit'])}]"
+    text = f"{meta['help'][0].upper()}{meta['help'][1:]}."
     flag = f"--{field.name.replace('_', '-')}"
+    if "kind" in meta:
+        several = meta["kind"] != "text"
+        kind = click.FLOAT if meta["kind"] == "numbers" else click.STRING
+        text += "  [may be given again]" if several else ""
+        return click.option(
+            flag,
+            field.name,
+            type=kind,
+            default=None,
+            help=text,
+            multiple=several,
+            callback=lambda ctx, param, v: v or None,
+        )
+    text += f"  [default: {_friendly(field.default, meta['unit'])}]"
     return click.option(flag, field.name, type=kind, default=None, help=text, callback=functools.partial(_typed, meta))
 
 

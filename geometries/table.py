@@ -12,17 +12,19 @@ from geometries.errors import GeometryError
 from measurement.units import UnitError, exact_text, quantity
 
 
-def to_table(actuator: Actuator) -> dict[str, str | float | int]:
+def to_table(actuator: Actuator) -> dict[str, Any]:
     """Return a device's parameters, ready for a TOML table.
 
     Returns:
         The device's name under ``"device"``, then every field: lengths and angles as text with a unit ("20 mm"), pure
-        numbers as numbers, choices as they are. `from_table` gives back an equal device.
+        numbers as numbers, choices, texts and lists as they are. `from_table` gives back an equal device.
     """
-    table: dict[str, str | float | int] = {"device": type(actuator).__name__}
+    table: dict[str, Any] = {"device": type(actuator).__name__}
     for field in dataclasses.fields(actuator):
         value = getattr(actuator, field.name)
         unit = field.metadata["unit"]
+        if isinstance(value, tuple):
+            value = list(value)
         table[field.name] = exact_text(value, unit) if unit else value
     return table
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from measurement.camera import Camera
+from measurement.corners import straightened_corners
 from measurement.grid import FEWEST, GridError, GridPoints, checked, gray_bytes
 from measurement.plane import Plane, PlaneError
 
@@ -45,12 +46,13 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
         raise GridError(
             f"no chessboard with {columns} x {rows} inner corners was found; check the pattern and the picture"
         )
-    reach = max(2, int(REACH * _closest(corners.reshape(-1, 2))))
+    reach = corner_reach(corners.reshape(-1, 2))
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-5)
     corners = cv2.cornerSubPix(gray, corners.astype(np.float32), (reach, reach), (-1, -1), stop)
     across, down = np.meshgrid(np.arange(columns), np.arange(rows))
     indices = np.column_stack([across.ravel(), down.ravel()])
-    return _points(corners.reshape(-1, 2).astype(float), indices, camera)
+    px = corners.reshape(-1, 2).astype(float)
+    return _points(px if camera is None else straightened_corners(gray, px, camera, reach), indices, camera)
 
 
 def find_charuco(
@@ -83,9 +85,10 @@ def find_charuco(
     return _points(corners.reshape(-1, 2).astype(float), indices, camera)
 
 
-def _closest(corners: NDArray[np.float64]) -> float:
+def corner_reach(corners: NDArray[np.float64]) -> int:
+    """Half width in px of the window in which a corner of the board at these places (n, 2) is measured."""
     gaps = np.linalg.norm(corners[:, None] - corners[None], axis=2)
-    return float(np.min(gaps[gaps > 0.0]))
+    return max(2, int(REACH * float(np.min(gaps[gaps > 0.0]))))
 
 
 def _points(px: NDArray[np.float64], indices: NDArray[np.int64], camera: Camera | None) -> GridPoints:

@@ -43,6 +43,8 @@ class Camera:
         source: Where the numbers come from, for people.
         error_px: Standard error in px of an undistorted point, per axis, after a homography has taken its share.
         model: ``opencv`` or ``lensfun``.
+        errors_px: The same error by distance from the frame's middle, (k,) values at equal steps out to its corners; empty
+            where it is not known so closely. A calibration is worth little where its boards did not reach.
     """
 
     matrix: Points
@@ -52,6 +54,7 @@ class Camera:
     source: str
     error_px: float
     model: str = "opencv"
+    errors_px: Points = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         matrix = np.array(self.matrix, dtype=float)
@@ -64,7 +67,10 @@ class Camera:
             raise CameraError("the lens' coefficients and its error must be finite numbers")
         if self.width < 1 or self.height < 1:
             raise CameraError("the camera's width and height must be at least one pixel")
-        for name, value in (("matrix", matrix), ("distortion", distortion)):
+        errors = np.array(self.errors_px, dtype=float).ravel()
+        if not (np.isfinite(errors).all() and np.all(errors >= 0.0) and errors.size != 1):
+            raise CameraError("the lens' errors by distance must be finite numbers, two or more of them")
+        for name, value in (("matrix", matrix), ("distortion", distortion), ("errors_px", errors)):
             value.flags.writeable = False
             object.__setattr__(self, name, value)
 
@@ -130,6 +136,15 @@ class Camera:
             factor = np.where(seen > 1e-12, radius / seen, 1.0 / powers[0])
         return centre + offset * factor[:, None]
 
+    def error(self, points: ArrayLike) -> Points:
+        """Standard error (n,) in px of the undistorted places of points (n, 2) in the photograph, per axis."""
+        raw = as_points(points)
+        if self.errors_px.size == 0:
+            return np.full(len(raw), self.error_px)
+        middle = (np.array([self.width, self.height]) - 1.0) / 2.0
+        far = np.linalg.norm(raw - middle, axis=1) / np.linalg.norm(middle)
+        return np.interp(far, np.linspace(0.0, 1.0, self.errors_px.size), self.errors_px)
+
     def as_table(self) -> dict[str, Any]:
         """Plain numbers, lists and texts, as a TOML file holds them; `from_table` restores the camera exactly."""
         return {
@@ -140,6 +155,7 @@ class Camera:
             "error_px": float(self.error_px),
             "matrix": self.matrix.tolist(),
             "distortion": self.distortion.tolist(),
+            **({"errors_px": self.errors_px.tolist()} if self.errors_px.size else {}),
         }
 
     @classmethod
@@ -158,6 +174,7 @@ class Camera:
                 source=str(table["source"]),
                 error_px=float(table["error_px"]),
                 model=str(table["model"]),
+                errors_px=np.array(table.get("errors_px", []), dtype=float),
             )
         except KeyError as error:
             raise CameraError(

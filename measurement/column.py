@@ -109,6 +109,9 @@ def _length_or_pressure(text: str) -> tuple[float, bool]:
     for unit, pascal in WATER_UNITS.items():
         if squeezed.endswith(unit):
             return _number(squeezed.removesuffix(unit), shown) * pascal, False
+    if not any(letter.isdigit() for letter in shown):
+        # Pint reads a unit alone as one of it, and many a word as a unit: "much" is a millionth of a surveyor's chain.
+        raise ColumnError(f"{shown!r} is no column of water and no pressure; write a column like 12.5 cm or 1.2 kPa")
     try:
         return quantity(shown, "m"), True
     except UnitError as first:

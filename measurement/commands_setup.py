@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
 import re
 import sys
 import tomllib
@@ -11,10 +13,13 @@ from typing import Any, NoReturn
 import click
 import numpy as np
 import tomli_w
+from numpy.typing import NDArray
 
+from measurement.boards import find_charuco, find_chessboard
 from measurement.calibration import calibrate as calibrated
-from measurement.camera import Camera, CameraError
-from measurement.grid import GridError, GridPoints, find_grid
+from measurement.camera import Camera, CameraError, frame_points
+from measurement.grid import GridError, GridPoints, counted_from, find_grid
+from measurement.known_points import plane_of_points, plane_of_scale
 from measurement.lens import Exif, lens_profile, read_exif
 from measurement.overlay import draw_points, read_picture
 from measurement.plane import Plane, PlaneError
@@ -24,14 +29,27 @@ from measurement.units import UnitError, quantity
 UNUSABLE, UNMEASURED = 2, 1
 """Exit statuses: the input cannot be used; it can, but nothing could be measured in it."""
 
+LARGEST = 0.5
+"""Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
+
+REACHED = 0.9
+"""Share of the way to the frame's corners that the boards of a good calibration reach."""
+
 
 @click.command()
 @click.argument("photographs", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--pattern", default="9x6", show_default=True, help="Inner corners of the board in a row and a column.")
-@click.option("--pitch", default="25mm", show_default=True, help="Side of a square.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("camera.toml"), show_default=True)
+@click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
+              help="Inner corners of the board (where four squares meet) in a row and in a column.")  # fmt: skip
+@click.option("--pitch", default="25mm", show_default=True, metavar="LENGTH", help="Side of a square.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("camera.toml"), show_default=True,
+              help="Camera file to write, for setup --lens.")  # fmt: skip
 def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: Path) -> None:
-    """Calibrate the camera from PHOTOGRAPHS of a chessboard."""
+    """Calibrate the camera from PHOTOGRAPHS of a flat chessboard.
+
+    Take ten or so with the focus and zoom of the measurement, the board tilted each time another way, and see to it that
+    together they fill the picture up to its corners. Photographs without the board are left out and named; exit status 1
+    says that there were some.
+    """
     try:
         made = calibrated(photographs, _pattern(pattern), _length(pitch))
     except (UnitError, SetupError) as error:
@@ -47,75 +65,129 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     for path, reason in made.refused.items():
         click.echo(f"{path}: refused, {reason}", err=True)
     click.echo(
-        f"Focal length {camera.matrix[0, 0]:.1f} px, middle {camera.matrix[0, 2]:.1f}, {camera.matrix[1, 2]:.1f} px; "
-        f"corners miss by {made.residual_px:.2f} px rms; the lens is known to {camera.error_px:.2g} px; written to {output}"
+        f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
+        f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, their corners miss by "
+        f"{made.residual_px:.2f} px rms"
     )
+    click.echo(
+        f"The lens is known to {camera.error_px:.2g} px where boards were seen, {camera.errors_px[-1]:.2g} px in the "
+        f"picture's corners; written to {output}"
+    )
+    if made.coverage < REACHED:
+        click.echo(
+            f"Boards reach {made.coverage:.0%} of the way from the middle to the corners; photographs with the board there "
+            "would tell the lens beyond",
+            err=True,
+        )
     sys.exit(UNMEASURED if made.refused else 0)
 
 
 @click.command()
 @click.argument("photograph", type=click.Path(path_type=Path))
-@click.option("--grid-pitch", default="9mm", show_default=True, help="Distance of the grid's lines.")
-@click.option("--lens", default="auto", show_default=True, metavar="auto|none|NAME|CAMERA.toml|PROFILE.xml",
-              help="Lens: from EXIF, not corrected, by name, calibrated, or from a lensfun file.")  # fmt: skip
-@click.option("--camera", "body", help="Name of the camera where EXIF does not tell it, such as 'Canon EOS 550D'.")
-@click.option("--focal", help="Focal length where EXIF does not tell it, such as 35mm.")
+@click.option("--target", type=click.Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
+              help="What lies in the screen's plane.")  # fmt: skip
+@click.option("--grid-pitch", default="9mm", show_default=True, metavar="LENGTH",
+              help="Distance of the grid's lines, or side of a board's square.")  # fmt: skip
+@click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
+              help="Inner corners of the chessboard or ChArUco board in a row and in a column.")  # fmt: skip
+@click.option("--dictionary", default="DICT_4X4_50", show_default=True, help="OpenCV's name of the ChArUco markers.")
+@click.option("--marker-share", default=0.75, show_default=True, help="Side of a ChArUco marker over that of a square.")
 @click.option("--point", "points", multiple=True, metavar="x,y=X,Z",
-              help="A known point: pixel and place with unit (100,200=9mm,18mm); several, in place of the grid.")  # fmt: skip
+              help="In place of the grid: a known point, pixel and place (100,200=9mm,18mm); four or more.")  # fmt: skip
+@click.option("--scale", metavar="N px/m",
+              help="In place of the grid: pixels per length of a camera that looks straight on; 75px/mm+-1px/mm.")  # fmt: skip
+@click.option("--lens", default="auto", show_default=True, metavar="auto|none|NAME|CAMERA.toml|PROFILE.xml",
+              help="Lens correction: lensfun's for what EXIF names, none, lensfun's for a name, the file of calibrate, or a "
+              "file in lensfun's format.")  # fmt: skip
+@click.option("--camera", "body", help="Name of the camera where EXIF does not tell it, such as 'Canon EOS 550D'.")
+@click.option("--focal", metavar="LENGTH", help="Focal length where EXIF does not tell it, such as 35mm.")
 @click.option("--origin", metavar="x,y", help="Pixel near the crossing that becomes X = Z = 0.  [default: the middle]")
-@click.option(
-    "--lamp-distance", help="From the lamp to the object, if the light is not parallel; 2m+-5cm gives an error."
-)
-@click.option("--screen-distance", help="From the object to the screen; 3cm+-1mm gives an error.")
-@click.option("--roi", metavar="x0,y0,x1,y1", help="Region of interest in px.")
+@click.option("--lamp-distance", metavar="LENGTH",
+              help="From the lamp to the object, if the light is not parallel; 2m+-5cm gives an error.")  # fmt: skip
+@click.option("--screen-distance", metavar="LENGTH", help="From the object to the screen; 3cm+-1mm gives an error.")
+@click.option("--roi", metavar="x0,y0,x1,y1", help="Region of interest in px; the shadow is sought in it alone.")
 @click.option("--zero", metavar="x,y=x,y", help="Two pixels on the undeformed surface.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("setup.toml"), show_default=True)
-@click.option("--overlay", type=click.Path(path_type=Path), help="Picture of the grid found.  [default: OUTPUT.png]")
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("setup.toml"), show_default=True,
+              help="Setup file to write, for photos --setup.")  # fmt: skip
+@click.option("--overlay", type=click.Path(path_type=Path),
+              help="Picture of what was found.  [default: OUTPUT with the ending .png]")  # fmt: skip
 def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) -> None:
-    """Find the screen's plane in the PHOTOGRAPH of the grid (or of known points)."""
+    """Find the screen's plane in a PHOTOGRAPH of its grid, of a board, or of known points.
+
+    Pixels (x, y) count from the upper left; on the screen X counts to the right and Z upwards.
+    """
     try:
         picture = read_picture(photograph)
         height, width = picture.shape[:2]
-        camera = _camera(given["lens"], photograph, width, height, given["body"], given["focal"])
         pitch = _length(given["grid_pitch"])
+        if not pitch > 0.0:
+            raise SetupError(f"--grid-pitch must be a positive length, not {given['grid_pitch']}")
+        if pitch > LARGEST:
+            raise SetupError(f"--grid-pitch {given['grid_pitch']} is no grid of this kind; write mm for millimetres")
+        camera = _camera(given["lens"], photograph, width, height, given["body"], given["focal"])
+        plane, grid = _plane(picture, camera, pitch, given)
         size = _magnification(given["lamp_distance"], given["screen_distance"])
-        grid: GridPoints | None = None
-        if given["points"]:
-            pairs = [_known_point(text) for text in given["points"]]
-            plane = Plane.fit(camera.undistort([px for px, _ in pairs]), [metres for _, metres in pairs])
-        else:
-            origin = None if given["origin"] is None else _numbers(given["origin"], 2, "--origin")
-            grid = find_grid(picture, camera, pitch, (origin[0], origin[1]) if origin else None)
-            plane = grid.plane(camera)
         roi = None if given["roi"] is None else _numbers(given["roi"], 4, "--roi")
-        made = Setup(camera, plane, *size, roi=roi, grid_pitch=None if grid is None else pitch)  # type: ignore[arg-type]
+        has_grid = grid is not None and given["target"] == "grid"
+        made = Setup(camera, plane, *size, roi=roi, grid_pitch=pitch if has_grid else None)  # type: ignore[arg-type]
         if given["zero"] is not None:
             ends = [_numbers(part, 2, "--zero") for part in given["zero"].split("=")]
-            made = Setup(camera, plane, *size, zero=made.to_metres(ends), roi=made.roi, grid_pitch=made.grid_pitch)
+            made = dataclasses.replace(made, zero=made.to_metres(ends))
     except GridError as error:
-        _stop(f"{photograph}: {error}", UNMEASURED)
+        _stop(f"{photograph}: {error}", UNUSABLE)
     except (CameraError, PlaneError, SetupError, UnitError) as error:
         _stop(str(error), UNUSABLE)
-    _write(output, made.to_toml())
     shown = overlay if overlay is not None else output.with_suffix(".png")
     try:
         draw_points(shown, picture, camera, plane)
     except (OSError, ValueError) as error:
-        _stop(f"the picture of the grid cannot be written: {error}", UNUSABLE)
-    _report(made, grid, output, shown)
+        _stop(f"the picture of the plane {shown} cannot be written: {error}", UNUSABLE)
+    _write(output, made.to_toml())
+    kind = "known points" if given["points"] else "crossings" if given["target"] == "grid" else "corners"
+    _report(made, None if given["scale"] else kind, f"written to {output} and {shown}")
 
 
-def _report(made: Setup, grid: GridPoints | None, output: Path, shown: Path) -> None:
+def _plane(
+    picture: NDArray[np.uint8], camera: Camera, pitch: float, given: dict[str, Any]
+) -> tuple[Plane, GridPoints | None]:
+    place = None if given["origin"] is None else _numbers(given["origin"], 2, "--origin")
+    origin = (place[0], place[1]) if place else None
+    if given["scale"] is not None and given["points"]:
+        raise SetupError("give --point or --scale, not both")
+    if given["scale"] is not None:
+        scale, _, error = given["scale"].replace("±", "+-").partition("+-")
+        return plane_of_scale(camera, _per_metre(scale), _per_metre(error) if error else 0.0, origin), None
+    if given["points"]:
+        pairs = [_known_point(text) for text in given["points"]]
+        px, metres = (np.array(part, dtype=float) for part in zip(*pairs, strict=True))
+        return plane_of_points(camera, px, metres), None
+    if given["target"] == "grid":
+        grid = find_grid(picture, camera, pitch, origin)
+    else:
+        columns, rows = _pattern(given["pattern"])
+        if given["target"] == "chessboard":
+            grid = find_chessboard(picture, (columns, rows), camera)
+        else:
+            squares = (columns + 1, rows + 1)
+            grid = find_charuco(picture, squares, given["marker_share"], given["dictionary"], camera)
+        grid = counted_from(grid, camera, pitch, origin)
+    return grid.plane(camera), grid
+
+
+def _report(made: Setup, kind: str | None, written: str) -> None:
     camera, plane = made.camera, made.plane
-    middle = plane.points.mean(axis=0)
-    span = float(np.sqrt(abs(np.linalg.det(plane.jacobian(middle)[0]))))
+    raw = frame_points(camera.width, camera.height)
+    raw = raw[np.isfinite(made.to_metres(raw)).all(axis=1)]
+    span = float(np.sqrt(abs(np.linalg.det(made.jacobian([[camera.width / 2, camera.height / 2]])[0]))))
+    error = float(np.sqrt(np.mean(made.error(raw, 0.0) ** 2)))
     click.echo(f"Lens: {camera.source}, known to {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px")
-    click.echo(f"One pixel spans {span * 1e6:.2f} um; magnification {made.magnification:.4f}")
-    count = f"{len(plane.points)} {'known points' if grid is None else 'crossings'}"
-    click.echo(
-        f"{count} miss the plane by {plane.residual * 1e6:.2f} um rms; the plane is known to "
-        f"{float(plane.error(middle)[0]) * 1e6:.2f} um in their middle; written to {output} and {shown}"
-    )
+    size = f"{made.magnification:.4f}" + (f" +- {made.magnification_error:.1g}" if made.magnification_error else "")
+    click.echo(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
+    if kind is None:
+        click.echo("The plane is the scale that was given, seen straight on; nothing in the picture checks it")
+    else:
+        click.echo(f"{len(plane.points)} {kind} miss the plane by {plane.residual * 1e6:.2f} um rms")
+    click.echo(f"Places in the picture are known to {error * 1e6:.2g} um rms; {written}")
 
 
 def _camera(lens: str, photograph: Path, width: int, height: int, body: str | None, focal: str | None) -> Camera:
@@ -199,10 +271,23 @@ def _length(text: str) -> float:
     return quantity(text, "m")
 
 
-def _write(path: Path, text: str) -> None:
+def _per_metre(text: str) -> float:
+    # A pixel is a count here; Pint's own pixel is a unit of its own.
+    found = re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)\s*/\s*([a-z]+)\s*", text)
     try:
-        path.write_text(text, encoding="utf-8")
+        return quantity(f"{found[1]} / {found[2]}" if found else text, "1/m")
+    except UnitError:
+        raise SetupError(f"{text.strip()!r} is no scale; write pixels per length like 75px/mm or 75000px/m") from None
+
+
+def _write(path: Path, text: str) -> None:
+    """Write all of a file or nothing, whatever happens in between."""
+    whole = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        whole.write_text(text, encoding="utf-8")
+        whole.replace(path)
     except OSError as error:
+        whole.unlink(missing_ok=True)
         _stop(f"{path} cannot be written: {error}", UNUSABLE)
 
 

@@ -32,6 +32,9 @@ MOST_STATIONS = 1200
 INK_TRUST = 0.05
 """Share by which the correction for the grid's ink may be wrong; samples on ink weigh less accordingly."""
 
+BETWEEN = 1.5
+"""Values between pixels scatter less than the pixels: bilinear weights leave 2/3 of the variance on average."""
+
 SPOILT = 4.0
 """Residual of a profile over the usual one from which something lies on the edge."""
 
@@ -50,6 +53,7 @@ class Edge:
         width: Standard deviation of the penumbra and blur in px, shape (n,).
         contrast: Share of the local light that the shadow takes away, shape (n,).
         shape_misfit: Root mean square distance of the profiles' common shape from the curve, over the curve's rise.
+        on_ink: Whether that shape had to be learnt on the grid's lines, because the whole edge lies on them.
     """
 
     px: Array
@@ -58,6 +62,7 @@ class Edge:
     width: Array
     contrast: Array
     shape_misfit: float
+    on_ink: bool = False
 
     def __getitem__(self, chosen: npt.NDArray[np.bool_]) -> Edge:
         return Edge(
@@ -67,6 +72,7 @@ class Edge:
             self.width[chosen],
             self.contrast[chosen],
             self.shape_misfit,
+            self.on_ink,
         )
 
 
@@ -225,7 +231,7 @@ def _erf_fit(place: Array, normal: Array, profile: Array, weight: Array, offsets
     own = (w * residual**2).sum(axis=1) / freedom
     variance = np.maximum(own, np.median(own))
     # Samples closer than a pixel repeat each other's noise.
-    repeat = max(1.0, 1.0 / (offsets[1] - offsets[0]))
+    repeat = BETWEEN * max(1.0, 1.0 / (offsets[1] - offsets[0]))
     inverse = np.linalg.inv(normal_matrix + damping)
     error = np.sqrt(np.maximum(inverse[:, 3, 3], 0.0) * variance * repeat)
     lit = low + rise + slope * centre
@@ -236,12 +242,15 @@ def _erf_fit(place: Array, normal: Array, profile: Array, weight: Array, offsets
         & (width < 0.7 * reach) & (error < 0.3 * reach) & (contrast > 0.2)
     )  # fmt: skip
     # Dust on the edge spoils the curve's shape before it moves its middle much.
-    spoilt = (own > SPOILT**2 * np.median(own[good])) | (np.abs(np.log(width / _local_median(width))) > 0.35)
+    usual = np.median(own[good]) if good.any() else np.inf
+    spoilt = (own > SPOILT**2 * usual) | (np.abs(np.log(width / _local_median(width))) > 0.35)
     if good.any() and (spoilt & good).sum() < 0.2 * good.sum():
         good &= ~spoilt
-    shape_misfit = _shape_misfit(z[good], (residual / np.maximum(rise, 1e-12)[:, None])[good], weight[good] > 0.9)
+    shape_misfit, on_ink = _shape_misfit(
+        z[good], (residual / np.maximum(rise, 1e-12)[:, None])[good], weight[good] > 0.9
+    )
     px = place + centre[:, None] * normal
-    return Edge(px[good], normal[good], error[good], width[good], contrast[good], shape_misfit)
+    return Edge(px[good], normal[good], error[good], width[good], contrast[good], shape_misfit, on_ink)
 
 
 def _local_median(value: Array, window: int = 31) -> Array:
@@ -251,12 +260,13 @@ def _local_median(value: Array, window: int = 31) -> Array:
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
 
 
-def _shape_misfit(z: Array, residual: Array, clean: npt.NDArray[np.bool_]) -> float:
+def _shape_misfit(z: Array, residual: Array, clean: npt.NDArray[np.bool_]) -> tuple[float, bool]:
     """How far the median of all profiles lies from the curve: noise goes, what they have in common stays."""
     bins = np.floor((z + 3.0) * 4.0).astype(np.int64)
-    medians = []
-    for number in range(24):
-        chosen = residual[clean & (bins == number)]
-        if len(chosen) >= 20:
-            medians.append(np.median(chosen))
-    return float(np.sqrt(np.mean(np.square(medians)))) if len(medians) >= 12 else np.nan
+    # An edge that runs along a grid line has no sample off the ink; what the ink takes is known well enough then.
+    for counted in (clean, np.ones_like(clean)):
+        chosen = [residual[counted & (bins == number)] for number in range(24)]
+        medians = [np.median(values) for values in chosen if len(values) >= 20]
+        if len(medians) >= 12:
+            return float(np.sqrt(np.mean(np.square(medians)))), counted is not clean
+    return np.nan, True

@@ -120,9 +120,16 @@ def find_grid(
     px, indices, sigma, plane = _without_outliers(px, indices, sigma, seen_by)
     found = checked(px, indices, sigma, plane)
     _check_square(plane, seen_by)
-    middle = ((width - 1) / 2, (height - 1) / 2) if origin is None else origin
+    return counted_from(found, seen_by, pitch, origin)
+
+
+def counted_from(
+    found: GridPoints, camera: Camera, pitch: float, origin: tuple[float, float] | None = None
+) -> GridPoints:
+    """The same points counted from the crossing nearest to a pixel, the picture's middle unless given."""
+    middle = ((camera.width - 1) / 2, (camera.height - 1) / 2) if origin is None else origin
     # The origin need not be measured itself: dust on it must not move it to its neighbour.
-    first = np.rint(found.plane(seen_by, 1.0).to_metres(seen_by.undistort(middle))[0]).astype(int)
+    first = np.rint(found.plane(camera, 1.0).to_metres(camera.undistort(middle))[0]).astype(int)
     return dataclasses.replace(found, indices=found.indices - first, pitch=pitch)
 
 

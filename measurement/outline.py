@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from pathlib import Path
 
@@ -12,6 +13,10 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 COLUMNS = "x_m,z_m,error_m"
+
+
+SHARED = 10e-6
+"""Standard error in m above which it is no longer each point's own."""
 
 
 class OutlineError(ValueError):
@@ -32,6 +37,7 @@ class Outline:
         source: Where it comes from, such as the photograph's file name.
         trusted: Whether nothing speaks against it.
         reasons: What speaks against it, one sentence each; empty if trusted.
+        sunk: How far the surface beside the bulge lies below the zero plane in m; 0 where that cannot be told from none.
 
     Raises:
         OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, or x not sorted.
@@ -45,6 +51,7 @@ class Outline:
     source: str
     trusted: bool = True
     reasons: tuple[str, ...] = ()
+    sunk: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
@@ -71,19 +78,35 @@ class Outline:
         """Index of the highest point."""
         return int(np.argmax(self.z))
 
+    @functools.cached_property
+    def _top(self) -> slice:
+        """The points next to the highest one that lie in the top 2 % of the height, or no lower than their errors.
+
+        Errors beyond `SHARED` move all points alike (a moved camera, a sunk actuator), and tell of no neighbours.
+        """
+        low = self.z < self.z[self.apex] - max(6.0 * min(self.error[self.apex], SHARED), 0.02 * abs(self.z[self.apex]))
+        left, right = np.nonzero(low[: self.apex])[0], np.nonzero(low[self.apex :])[0]
+        return slice(left[-1] + 1 if len(left) else 0, self.apex + right[0] if len(right) else len(self.x))
+
     @property
     def height(self) -> float:
-        """Height of the top in m: the mean of the points within two standard errors of the highest one.
+        """Height of the top in m: that of the parabola through the points around it.
 
-        The highest of many points is the one whose own error pointed up; its neighbours take most of that out.
+        The highest of many points is the one whose own error pointed up; its neighbours take that out.
         """
-        top = self.z >= self.z[self.apex] - 2.0 * self.error[self.apex]
-        return float(self.z[top].mean())
+        x, z, weight = self.x[self._top] - self.x[self.apex], self.z[self._top], 1.0 / self.error[self._top]
+        if len(np.unique(x)) < 3:
+            return float(np.average(z, weights=weight**2))
+        curve = np.polynomial.Polynomial.fit(x, z, 2, w=weight)
+        summit = curve.deriv().roots()
+        if curve.convert().coef[-1] < 0.0 and x[0] <= summit[0] <= x[-1]:
+            return float(curve(summit[0]))
+        return float(np.average(z, weights=weight**2))  # flat, or so nearly that its bend is noise
 
     @property
     def height_error(self) -> float:
-        """Standard error of `height` in m."""
-        return float(self.error[self.apex])
+        """Standard error of `height` in m; most of it is common to the points around the top."""
+        return float(np.median(self.error[self._top]))
 
     def to_csv(self, path: Path) -> None:
         """Write the outline: comment lines with ``#``, a header, a row per point."""
@@ -91,6 +114,7 @@ class Outline:
             f"pressure_Pa = {self.pressure!r}",
             f"pressure_error_Pa = {self.pressure_error!r}",
             f"source = {' '.join(self.source.split())}",
+            f"sunk_m = {self.sunk:.4g}",
             f"trusted = {'yes' if self.trusted else 'no'}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
         ]
@@ -123,10 +147,11 @@ class Outline:
                 rows.append(_row(path, number, line))
         try:
             pressure, pressure_error = float(notes["pressure_Pa"]), float(notes["pressure_error_Pa"])
+            sunk = float(notes.get("sunk_m", "0"))
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except ValueError:
-            raise OutlineError(f"{path}: pressure_Pa or pressure_error_Pa is not a number") from None
+            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa or sunk_m is not a number") from None
         points = np.array(rows, dtype=np.float64).reshape(-1, 3)
         trusted = notes.get("trusted", "no") == "yes"
         if not trusted and not reasons:
@@ -140,6 +165,7 @@ class Outline:
             notes.get("source", path.name),
             trusted,
             tuple(reasons),
+            sunk,
         )
 
 

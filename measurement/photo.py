@@ -15,6 +15,7 @@ import numpy.typing as npt
 from measurement.outline import Outline, OutlineError
 from measurement.pixels import Unmeasurable
 from measurement.setup import Setup
+from measurement.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
 from measurement.tracing import AUTO, FEWEST_POINTS, Traced, trace
 from measurement.zero import ZeroLine
 
@@ -22,9 +23,6 @@ Array = npt.NDArray[np.float64]
 
 BELOW = 4.0
 """Standard errors that a point may lie below the surface and still be on it."""
-
-ON_SURFACE = 50e-6
-"""Distance in m within which an edge counts as the surface itself."""
 
 RIM = 150e-6
 """Height in m up to which the shadow may meet the frame: a flat surface runs out of the picture, an actuator must not."""
@@ -63,7 +61,8 @@ def measure(
         tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
     """
     try:
-        return outline_of(trace(file, setup, tone), setup, zero, pressure, pressure_error, Path(file).name)
+        traced = trace(file, setup, tone, zero.tone)
+        return outline_of(traced, setup, zero, pressure, pressure_error, Path(file).name)
     except Unmeasurable as error:
         return Refusal(str(error), Path(file))
 
@@ -80,7 +79,8 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
 def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     """`find_zero` of an edge that has been traced already."""
     errors = setup.error(traced.px, traced.error_px, traced.normals)
-    return ZeroLine.fit(traced.points, traced.normals, errors)
+    line = ZeroLine.fit(traced.points, traced.normals, errors)
+    return dataclasses.replace(line, tone=traced.tone, doubts=traced.doubts)
 
 
 def outline_of(
@@ -104,10 +104,21 @@ def outline_of(
             "the shadow lies below the surface at zero pressure: the actuator has moved, or the zero is wrong"
         )
     upwards = traced.normals @ zero.normal
-    _check_shape(placed, above, upwards, error)
+    check_top(placed, above, upwards, error)
+    reasons = list(traced.doubts)
+    sunk, moved, doubt = displacement(placed, upwards, error, zero)
+    error = np.hypot(error, moved)
+    doubts = [doubt, check_corners(zero.place(setup.to_metres(traced.edge.px))), check_width(placed, error, zero)]
+    doubts.append(check_clear(placed[above], error[above]))
+    reasons += [doubt for doubt in doubts if doubt is not None]
     kept = np.nonzero(above)[0]
     first, last = kept[0], kept[-1]
-    reasons = list(traced.doubts)
+    reasons += [f"of the zero plane's photograph: {doubt}" for doubt in zero.doubts]
+    if zero.tone and zero.tone != traced.tone:
+        reasons.append(
+            f"it seems to store light as {traced.tone} where the zero plane's photograph has {zero.tone}; tell which it is "
+            "with --tone"
+        )
     inner = placed[first : last + 1]
     missing = _largest_gap(inner, above[first : last + 1])
     if missing > LARGEST_GAP:
@@ -130,6 +141,7 @@ def outline_of(
             source,
             not reasons,
             tuple(reasons),
+            sunk,
         )
     except OutlineError as problem:
         raise Unmeasurable(str(problem)) from None
@@ -145,24 +157,6 @@ def _check_rim(traced: Traced, zero: ZeroLine) -> None:
         raise Unmeasurable(
             f"the shadow touches the frame or the region of interest {height.max() * 1e3:.1f} mm above the surface"
         )
-
-
-def _check_shape(placed: Array, above: npt.NDArray[np.bool_], upwards: Array, error: Array) -> None:
-    top = int(np.argmax(np.where(above, placed[:, 1], -np.inf)))
-    kept = np.nonzero(above)[0]
-    standing = placed[top, 1] > max(10.0 * error[top], 3.0 * ON_SURFACE)
-    if standing and upwards[max(0, top - 3) : top + 4].mean() < 0.5:
-        raise Unmeasurable(
-            "the shadow's highest place is no rounded top: it hangs from above, or something is in the light"
-        )
-    if standing and min(top - kept[0], kept[-1] - top) < 5:
-        raise Unmeasurable("the outline ends at its highest point: part of it is hidden or outside of the picture")
-    if not standing and np.median(upwards[above]) < 0.5:
-        raise Unmeasurable(
-            "what lies on the surface's line is no level edge: the actuator has moved or is not in the picture"
-        )
-    if placed[above, 1].max() - placed[above, 1].min() > 2.0 * np.ptp(placed[above, 0]):
-        raise Unmeasurable("the shadow stands more than twice as high as it is wide: this is no inflated surface")
 
 
 def _largest_gap(placed: Array, above: npt.NDArray[np.bool_]) -> float:

@@ -70,33 +70,37 @@ def draw_edge(
 def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline: Outline) -> None:
     """Write the four steps: photograph, distance to the shadow's colour, edge in pixels, outline in millimetres."""
     small, factor = _reduced(image)
-    figure = Figure(figsize=(12.0, 8.6), dpi=110, layout="constrained")
-    axes = figure.subplots(2, 2)
-    _show(axes[0, 0], small, factor)
-    axes[0, 0].set_title("1. The photograph, never warped")
+    figure = Figure(figsize=(13.0, 7.0), dpi=110, layout="constrained")
+    halves = figure.add_gridspec(2, 1, height_ratios=(3.6, 3.4))
+    pictures, last = figure.add_subfigure(halves[0]), figure.add_subfigure(halves[1])
+    axes = pictures.subplots(1, 3)
+    _show(axes[0], small, factor)
+    axes[0].set_title("1. The photograph, never warped")
     x0, y0, x1, y1 = traced.roi
-    shown = axes[0, 1].imshow(
+    shown = axes[1].imshow(
         np.clip(traced.coarse.share, -0.1, 1.1), cmap="magma", extent=(x0 - 0.5, x1 - 0.5, y1 - 0.5, y0 - 0.5)
     )
-    axes[0, 1].set_title("2. Mahalanobis distance to the shadow's colour")
-    figure.colorbar(shown, ax=axes[0, 1], shrink=0.85, label="0 shadow, 1 lit screen")
-    _show(axes[1, 0], small, factor)
-    axes[1, 0].plot(*traced.px.T, color=EDGE_COLOUR, linewidth=1.5)
-    axes[1, 0].set_title(f"3. The edge in raw pixels, ± {np.median(traced.error_px):.2f} px")
-    for part in (axes[0, 0], axes[0, 1], axes[1, 0]):
+    axes[1].set_title("2. Mahalanobis distance to the shadow")
+    pictures.colorbar(
+        shown, ax=axes[1], location="bottom", fraction=0.07, pad=0.03, label="0 in the shadow, 1 on the lit screen"
+    )
+    _show(axes[2], small, factor)
+    axes[2].plot(*traced.px.T, color=EDGE_COLOUR, linewidth=1.5)
+    axes[2].set_title(f"3. The edge in raw pixels, ± {np.median(traced.error_px):.2f} px")
+    for part in axes:
         part.set_xlabel("x in px")
         part.set_ylabel("y in px")
+        part.set_anchor("N")
         part.grid(False)
-    last = axes[1, 1]
-    last.fill_between(outline.x * 1e3, 0.0, outline.z * 1e3, color="#d9e2ec")
-    last.plot(outline.x * 1e3, outline.z * 1e3, color="#2f6f9f", linewidth=2.0)
-    last.axhline(0.0, color="#829ab1", linewidth=1.0)
-    last.set_aspect("equal")
-    last.set_anchor("N")
-    last.set_title(f"4. The outline in metres, ± {np.median(outline.error) * 1e6:.1f} µm")
-    last.set_xlabel("along the surface in mm")
-    last.set_ylabel("above the surface in mm")
-    last.grid(alpha=0.3)
+    below = last.subplots()
+    below.fill_between(outline.x * 1e3, 0.0, outline.z * 1e3, color="#d9e2ec")
+    below.plot(outline.x * 1e3, outline.z * 1e3, color="#2f6f9f", linewidth=2.0)
+    below.axhline(0.0, color="#829ab1", linewidth=1.0)
+    below.set_aspect("equal")
+    below.set_title(f"4. The outline, ± {np.median(outline.error) * 1e6:.1f} µm")
+    below.set_xlabel("along the surface in mm")
+    below.set_ylabel("height in mm")
+    below.grid(alpha=0.3)
     figure.savefig(path)
 
 

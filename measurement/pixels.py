@@ -61,7 +61,9 @@ def read_photograph(path: Path, size: tuple[int, int] | None = None) -> Pixels:
                     )
                 return np.asarray(picture.convert("RGB"))
     except UnidentifiedImageError:
-        raise Unmeasurable("the file is no picture") from None
+        raise Unmeasurable(
+            "the file is no picture, or one that cannot be read; JPEG, PNG, TIFF or BMP with 8 bits per channel is needed"
+        ) from None
     except Unmeasurable:
         raise
     except Exception as error:  # the decoders raise whatever a damaged file leads them into

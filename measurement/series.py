@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
 import dataclasses
+import hashlib
 import multiprocessing
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
 
+from measurement import settling
 from measurement.outline import Outline
 from measurement.photo import Refusal, find_zero, outline_of
 from measurement.photo_list import Photograph
 from measurement.pixels import Unmeasurable, read_photograph
 from measurement.setup import Setup
-from measurement.tracing import AUTO, trace_image
+from measurement.tracing import AUTO, trace, trace_image
 from measurement.zero import ZeroLine
+
+MOST_ASKED = 4
+"""Photographs that are asked for the tone where the zero plane's does not tell it."""
 
 
 class NoZero(ValueError):
@@ -55,10 +61,24 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
     reasons = []
     for photo in candidates:
         try:
-            return find_zero(photo.file, setup, tone)
+            line = find_zero(photo.file, setup, tone)
+            # A surface that lies along a grid line does not tell how the camera stores light; a bent one does.
+            return find_zero(photo.file, setup, clear_tone(photographs, setup)) if line.doubts else line
         except Unmeasurable as error:
             reasons.append(f"{photo.file.name}: {error}")
+        except Exception as error:  # as in `_measure_one`
+            reasons.append(f"{photo.file.name}: {_unforeseen(error)}")
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
+
+
+def clear_tone(photographs: Sequence[Photograph], setup: Setup) -> str:
+    """How the camera stores light by the first of the highest photographs whose edge tells it; ``"auto"`` if none does."""
+    for photo in sorted(photographs, key=lambda photo: photo.pressure, reverse=True)[:MOST_ASKED]:
+        with contextlib.suppress(Unmeasurable):
+            traced = trace(photo.file, setup)
+            if not traced.doubts:
+                return traced.tone
+    return AUTO
 
 
 def measure_all(
@@ -85,9 +105,18 @@ def measure_all(
         One result per photograph, in the list's order.
     """
     names = _names(photographs)
-    work = [(photo, name, setup, zero, tone, pictures) for photo, name in zip(photographs, names, strict=True)]
+    copies = same_pictures(photographs)
+    work = [
+        (photo, name, setup, zero, tone, pictures)
+        for photo, name in zip(photographs, names, strict=True)
+        if photo.file not in copies
+    ]
     results: dict[str, Result] = {}
-    if jobs <= 1 or len(work) == 1:
+    for photo, name in zip(photographs, names, strict=True):
+        if photo.file in copies:
+            results[name] = Result(photo, Refusal(copies[photo.file], photo.file), name)
+            done(results[name])
+    if jobs <= 1 or len(work) <= 1:
         for task in work:
             result = _measure_one(*task)
             results[result.name] = result
@@ -100,7 +129,59 @@ def measure_all(
                 result = future.result()
                 results[result.name] = result
                 done(result)
-    return [results[name] for name in names]
+    return _compared([results[name] for name in names], setup, zero, tone, pictures)
+
+
+def _compared(results: list[Result], setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None) -> list[Result]:
+    """Distrust what looks good by itself and is contradicted by the run's other photographs."""
+    measured = [result for result in results if isinstance(result.outcome, Outline)]
+    found = settling.doubts([result.outcome for result in measured if isinstance(result.outcome, Outline)])
+    doubts = {result.name: doubt for result, doubt in zip(measured, found, strict=True) if doubt is not None}
+    compared = []
+    for result in results:
+        outcome = result.outcome
+        if result.name in doubts and isinstance(outcome, Outline):
+            outcome = dataclasses.replace(outcome, trusted=False, reasons=(*outcome.reasons, doubts[result.name]))
+            result = dataclasses.replace(result, outcome=outcome)
+            if pictures is not None:
+                _draw_again(result, setup, zero, tone, pictures)
+        compared.append(result)
+    return compared
+
+
+def _draw_again(result: Result, setup: Setup, zero: ZeroLine, tone: str, pictures: Path) -> None:
+    from measurement.photo_pictures import draw_edge
+
+    with contextlib.suppress(Unmeasurable):  # it could be read a moment ago; what is drawn already stays
+        image = read_photograph(result.photograph.file, (setup.camera.width, setup.camera.height))
+        traced = trace_image(image, setup, tone, zero.tone)
+        draw_edge(pictures / f"{result.name}.png", image, setup, traced, result.outcome, result.photograph.pressure)
+
+
+def _unforeseen(error: Exception) -> str:
+    return f"it led to an unforeseen failure ({type(error).__name__}: {error})"
+
+
+def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
+    """Why photographs that are copies of each other must not be measured: one of their pressures at least is wrong.
+
+    Returns:
+        A sentence for each file whose bytes another file of the list repeats at another pressure.
+    """
+    alike: dict[str, list[Photograph]] = {}
+    for photo in photographs:
+        try:
+            with photo.file.open("rb") as file:
+                alike.setdefault(hashlib.file_digest(file, "sha256").hexdigest(), []).append(photo)
+        except OSError:
+            continue  # a file that cannot be read is refused with its own reason
+    return {
+        photo.file: f"it is the same picture as {' and '.join(other.file.name for other in group if other is not photo)}, "
+        "listed at another pressure: one of the two is wrong"
+        for group in alike.values()
+        if len({photo.pressure for photo in group}) > 1
+        for photo in group
+    }
 
 
 def _alone() -> None:
@@ -114,12 +195,12 @@ def _measure_one(
     outcome: Outline | Refusal
     try:
         image = read_photograph(photo.file, (setup.camera.width, setup.camera.height))
-        traced = trace_image(image, setup, tone)
+        traced = trace_image(image, setup, tone, zero.tone)
         outcome = outline_of(traced, setup, zero, photo.pressure, photo.pressure_error, photo.file.name)
     except Unmeasurable as error:
         outcome = Refusal(str(error), photo.file)
     except Exception as error:  # one odd photograph must not take the others with it
-        outcome = Refusal(f"it led to an unforeseen failure ({type(error).__name__}: {error})", photo.file)
+        outcome = Refusal(_unforeseen(error), photo.file)
     if pictures is not None and image is not None:
         from measurement.photo_pictures import draw_edge
 

@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike
 from measurement.camera import Camera, CameraError, Points, as_points
 from measurement.plane import Plane
 
+VERSION = 1
+"""Version of the setup file; one that means something else by its numbers gets another."""
+
 HEADER = "# Setup of a run of photographs, lengths in m and pixels as (x, y); made by python -m measurement setup.\n"
 
 
@@ -51,8 +54,10 @@ class Setup:
     shadow_colour: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.magnification) and self.magnification > 0.0 and self.magnification_error >= 0.0):
+        if not (0.0 < self.magnification < math.inf and 0.0 <= self.magnification_error < math.inf):
             raise SetupError("the magnification must be positive and its error must not be negative")
+        if self.grid_pitch is not None and not 0.0 < self.grid_pitch < math.inf:
+            raise SetupError("the grid's pitch must be a positive length in m")
         if self.zero is not None:
             zero = np.array(self.zero, dtype=float)
             if zero.shape != (2, 2) or not np.isfinite(zero).all() or np.allclose(zero[0], zero[1], atol=1e-12):
@@ -105,7 +110,7 @@ class Setup:
         sigma = np.broadcast_to(np.asarray(edge_sigma_px, dtype=float), (len(raw),))
         # An error e across the edge in the photograph moves it by |J^T n| e across the edge on the screen, so that the
         # edge may be treated as if it were uncertain in all directions.
-        pixel = (sigma**2 + self.camera.error_px**2)[:, None, None]
+        pixel = (sigma**2 + self.camera.error(raw) ** 2)[:, None, None]
         spread = pixel * (slope @ np.swapaxes(slope, 1, 2))
         spread += self.plane.covariances(self.camera.undistort(raw)) / self.magnification**2
         if about is None:
@@ -121,6 +126,7 @@ class Setup:
     def to_toml(self) -> str:
         """The setup as TOML; `from_toml` gives exactly the same numbers back."""
         table: dict[str, Any] = {
+            "version": VERSION,
             "magnification": float(self.magnification),
             "magnification_error": float(self.magnification_error),
         }
@@ -159,7 +165,12 @@ class Setup:
 
     @classmethod
     def _from_table(cls, table: Mapping[str, Any]) -> Setup:
-        known = {field.name for field in dataclasses.fields(cls)}
+        if table.get("version", VERSION) != VERSION:
+            raise SetupError(
+                f"the setup is of version {table['version']}, this program reads version {VERSION}; make it anew with "
+                "python -m measurement setup"
+            )
+        known = {"version"} | {field.name for field in dataclasses.fields(cls)}
         for name in table:
             if name not in known:
                 raise SetupError(f"the setup has an unknown field {name!r}; known are {', '.join(sorted(known))}")

@@ -196,8 +196,16 @@ def _only_shadow(dark: Mask) -> Mask:
 def _close_lines(light: npt.NDArray[np.float32], line_px: float) -> npt.NDArray[np.float32]:
     if line_px <= 0.0:
         return cv2.medianBlur(light, 3)
-    size = 2 * int(np.ceil(0.5 * line_px)) + 3
-    return cv2.morphologyEx(cv2.medianBlur(light, 3), cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))
+    size = closing_size(line_px)
+    # Light all round, or a line that runs along the picture's rim would stay, and be shadow that touches the frame.
+    plain = cv2.medianBlur(light, 3)
+    framed = cv2.copyMakeBorder(plain, size, size, size, size, cv2.BORDER_CONSTANT, value=(1.0, 1.0, 1.0))
+    return cv2.morphologyEx(framed, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))[size:-size, size:-size]
+
+
+def closing_size(line_px: float) -> int:
+    """Side in px of the square that `find_shadow` closes dark lines with."""
+    return 2 * int(np.ceil(0.5 * line_px)) + 3
 
 
 def check_exposure(light: npt.NDArray[np.float32]) -> None:

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import ExifTags, Image
+from PIL import ExifTags
+from PIL import Image as Files
 
-from measurement.synthetic_light import Array, Rays, bent, gridded, lamp, screen, shadowed, speck, straightened
+from measurement.synthetic_light import Array, Image, Rays, bent, gridded, lamp, screen, shadowed, speck, straightened
 
 
 class SceneError(ValueError):
@@ -130,6 +132,10 @@ class Truth:
         return np.column_stack([fx * u + cx, fy * v + cy])
 
 
+Fault = Callable[[Image, Truth], Image]
+"""Light (h, w) before the lens' blur and its truth in, changed light out."""
+
+
 def truth_of(scene: Scene) -> Truth:
     """The camera and the screen's homography of a scene."""
     cx, cy = (scene.width - 1) / 2, (scene.height - 1) / 2
@@ -148,13 +154,17 @@ def truth_of(scene: Scene) -> Truth:
     return Truth(scene, matrix, distortion, np.linalg.inv(matrix @ pose))
 
 
-def photograph(scene: Scene, outline: ArrayLike | None = None, seed: int = 0) -> tuple[NDArray[np.uint8], Truth]:
+def photograph(
+    scene: Scene, outline: ArrayLike | None = None, seed: int = 0, things: Sequence[ArrayLike] = (), fault: Fault | None = None
+) -> tuple[NDArray[np.uint8], Truth]:  # fmt: skip
     """Photograph the shadow of an outline.
 
     Args:
         scene: Camera, screen, lamp and sensor.
         outline: Polygon (k, 2) in m whose inside is in shadow, its last point joined to the first; None for no shadow.
         seed: Seed of noise and dust.
+        things: Other polygons (k, 2) in m in the lamp's light, such as those of `synthetic_faults`.
+        fault: What else changes the light on its way to the sensor; None for nothing.
 
     Returns:
         Picture (h, w, 3), red, green, blue, and the truth about it.
@@ -168,13 +178,16 @@ def photograph(scene: Scene, outline: ArrayLike | None = None, seed: int = 0) ->
     rays = Rays(truth.matrix, truth.distortion, truth.homography, scene.width, scene.height)
     light = gridded(rays, scene.grid_pitch, scene.line_width, scene.line_grey)
     light *= lamp(scene.width, scene.height, scene.unevenness)
-    if outline is not None:
-        polygon = np.asarray(outline, dtype=float)
-        if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3 or not np.isfinite(polygon).all():
-            raise SceneError("an outline must be a polygon of at least three points (X, Z) in m")
-        light *= shadowed(rays, polygon * scene.magnification, scene.penumbra, scene.ambient)
+    shadows = [
+        shadowed(rays, _polygon(shape) * scene.magnification, scene.penumbra, scene.ambient)
+        for shape in ([] if outline is None else [outline, *things])
+    ]
+    if shadows:
+        light *= np.minimum.reduce(shadows)
     for _ in range(scene.dust):
         speck(light, rng)
+    if fault is not None:
+        light = np.asarray(fault(light, truth), dtype=np.float32)
     if scene.blur > 0.0:
         light = cv2.GaussianBlur(light, (0, 0), scene.blur)
     if scene.srgb:
@@ -190,6 +203,13 @@ def photograph(scene: Scene, outline: ArrayLike | None = None, seed: int = 0) ->
         _, packed = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, scene.jpeg_quality])
         picture = np.ascontiguousarray(np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))[..., ::-1])
     return picture, truth
+
+
+def _polygon(shape: ArrayLike) -> Array:
+    polygon = np.asarray(shape, dtype=float)
+    if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3 or not np.isfinite(polygon).all():
+        raise SceneError("an outline must be a polygon of at least three points (X, Z) in m")
+    return polygon
 
 
 def _check(truth: Truth) -> None:
@@ -253,7 +273,7 @@ def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | N
         exif: Any of ``maker``, ``camera``, ``lens``, ``focal_mm``, ``aperture``.
         quality: Quality of a JPEG file.
     """
-    tags = Image.Exif()
+    tags = Files.Exif()
     body = tags.get_ifd(ExifTags.IFD.Exif)
     places = {
         "maker": (tags, ExifTags.Base.Make),
@@ -270,5 +290,5 @@ def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | N
     options: dict[str, Any] = (
         {"quality": quality, "subsampling": 0} if Path(path).suffix.lower() in (".jpg", ".jpeg") else {}
     )
-    Image.fromarray(image).save(path, exif=tags, **options)
+    Files.fromarray(image).save(path, exif=tags, **options)
     return Path(path)

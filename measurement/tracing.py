@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
 
-from measurement.edge import Edge, Transmission, coarse_contour, refine_edge
+from measurement.edge import BETWEEN, Edge, Transmission, coarse_contour, refine_edge
 from measurement.pixels import TONES, Pixels, Unmeasurable, read_photograph, sample_light
 from measurement.screen import GridLook, look_at_grid
 from measurement.setup import Setup
-from measurement.shadow import CoarseShadow, check_exposure, find_shadow
+from measurement.shadow import CoarseShadow, ShadowColour, check_exposure, find_shadow
 from measurement.smoothing import robust_loess
+from measurement.threads import touched_by_thread
 
 Array = npt.NDArray[np.float64]
 
@@ -43,6 +44,9 @@ GRID_REST_PX = 1.5
 BLANK = 0.985
 """Light of a channel from which it is taken as saturated."""
 
+PART, MOST_PARTS = 0.7, 0.05
+"""Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
+
 NOISIEST = 50e-6
 """Greatest median standard error in m of the points of an edge."""
 
@@ -51,6 +55,9 @@ FEWEST_POINTS = 40
 AUTO = "auto"
 SYMMETRIC, ASYMMETRIC = 1e-3, 6e-3
 """Misfit of the edge's mean profile up to which its tone is right for sure, and from which none is known to be right."""
+
+TELLING = 1.5
+"""Ratio of the misfits from which one tone is right and the other wrong."""
 
 TONE_SHIFT, TONE_HARM = 0.4, 5e-6
 """Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
@@ -94,22 +101,23 @@ class Traced:
     doubts: tuple[str, ...] = ()
 
 
-def trace(file: Path, setup: Setup, tone: str = AUTO) -> Traced:
+def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
     """Find the edge of the shadow in a photograph.
 
     Args:
         file: The photograph.
         setup: Camera and screen.
         tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
+        likely: The tone of other photographs of the run, for an edge that lies on the grid's ink and does not tell its own.
 
     Raises:
         Unmeasurable: The photograph must not be measured; the message is the reason.
     """
-    return trace_image(read_photograph(file, (setup.camera.width, setup.camera.height)), setup, tone)
+    return trace_image(read_photograph(file, (setup.camera.width, setup.camera.height)), setup, tone, likely)
 
 
-def trace_image(image: Pixels, setup: Setup, tone: str = AUTO) -> Traced:
-    """`trace` of a picture (h, w, 3) that has been read already.
+def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
+    """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is its tone if its edge lies on ink.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
     by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is symmetric.
@@ -120,14 +128,17 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO) -> Traced:
     if first.edge.shape_misfit <= SYMMETRIC:
         return first
     second = _trace(image, setup, "linear")
-    best, other = sorted((first, second), key=lambda traced: traced.edge.shape_misfit)
+    found = {"srgb": first, "linear": second}
+    best, other = sorted((first, second), key=lambda traced: np.nan_to_num(traced.edge.shape_misfit, nan=np.inf))
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
-    doubts = []
-    if not best.edge.shape_misfit < ASYMMETRIC or other.edge.shape_misfit < 1.5 * best.edge.shape_misfit:
-        doubts.append(
-            f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
-        )
-    return dataclasses.replace(best, doubts=tuple(doubts) if moved > TONE_HARM else ())
+    if moved <= TONE_HARM or (
+        best.edge.shape_misfit < ASYMMETRIC and other.edge.shape_misfit >= TELLING * best.edge.shape_misfit
+    ):
+        return best
+    if likely in found and best.edge.on_ink:
+        return found[likely]
+    doubt = f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
+    return dataclasses.replace(best, doubts=(*best.doubts, doubt))
 
 
 def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
@@ -148,13 +159,20 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
         look = look_at_grid(image, setup, setup.grid_pitch, roi, lit, light)
         moved = _check_grid(look, setup, scale)
     contour = coarse_contour(coarse.mask, coarse.share, factor, (x0, y0))
-    edge = refine_edge(image, contour, coarse.colour, _ink(look, setup, roi), factor, light)
+    through = _ink(look, setup, roi)
+    edge = refine_edge(image, contour, coarse.colour, through, factor, light)
     edge = edge[_inside(edge.px, roi)]
     if len(edge.px) < FEWEST_POINTS:
         raise Unmeasurable(
             f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed"
         )
     _check_edge(image, edge, setup, light)
+    doubts = _check_steps(edge, coarse.colour)
+    rows, columns = np.indices(coarse.mask.shape)
+    places = (np.stack([columns, rows], axis=-1) + 0.5) * factor - 0.5 + np.array([x0, y0])
+    ink = np.ones(coarse.mask.shape) if through is None else through(places)
+    if touched_by_thread(light[small], coarse, ink, WIDEST_LINE * pitch_px, scale * factor):
+        doubts += ("a thin dark thing (hair, thread, tube, a speck) touches the shadow",)
     px, error_px = _smoothed(edge)
     points = setup.to_metres(px)
     if not np.isfinite(points).all():
@@ -167,7 +185,7 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
     if typical > NOISIEST:
         raise Unmeasurable(f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um")
     rim = _rim(coarse.mask, roi, setup)
-    return Traced(edge, px, error_px, points, normals, spacing, rim, moved, scale, coarse, roi, tone)
+    return Traced(edge, px, error_px, points, normals, spacing, rim, moved, scale, coarse, roi, tone, doubts)
 
 
 def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
@@ -192,14 +210,18 @@ def _check_grid(look: GridLook, setup: Setup, scale: float) -> float:
     if look.seen < GRID_SEEN or len(look.shift) < 24:
         raise Unmeasurable(
             f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
-            "moved, or the grid cannot be seen"
+            "moved, the picture is turned or mirrored, or the grid cannot be seen"
         )
     moved, rest = (value / setup.magnification for value in look.movement())
     if not moved <= max(MOVED, MOVED_PX * scale):
-        raise Unmeasurable(f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup")
+        raise Unmeasurable(
+            f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
+            "picture is turned, mirrored, cropped or too noisy"
+        )
     if not rest <= max(GRID_REST, GRID_REST_PX * scale):
         raise Unmeasurable(
-            f"the grid's lines lie {rest * 1e6:.0f} um off: the screen has bent, or this is another setup"
+            f"the grid's lines lie {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
+            "see them, the screen has bent, or this is another setup"
         )
     return moved
 
@@ -255,6 +277,21 @@ def _check_edge(image: Pixels, edge: Edge, setup: Setup, light: npt.NDArray[np.f
         )
 
 
+def _check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
+    """Doubts about an edge over which the light does not fall all the way from the screen's to the shadow's."""
+    whole = 1.0 / float(colour.direction @ colour.lit)
+    part = edge.contrast / whole
+    if np.median(part) < PART:
+        raise Unmeasurable(
+            f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has several "
+            "edges, from a second lamp, a reflection or a double exposure"
+        )
+    share = float(np.mean(part < PART))
+    if share > MOST_PARTS:
+        return (f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection",)
+    return ()
+
+
 def _smoothed(edge: Edge) -> tuple[Array, Array]:
     """The edge along its own length as robust loess sees it, and its standard error in px."""
     arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))]
@@ -273,7 +310,8 @@ def _smoothed(edge: Edge) -> tuple[Array, Array]:
     # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
     local = 1.4826 * np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
     gain = float(np.median(smooth.error / smooth.scatter))
-    return px, REPEATED * gain * np.maximum(edge.error, local)
+    # What values between pixels lose of their scatter is in `REPEATED` already.
+    return px, REPEATED * gain * np.maximum(edge.error / np.sqrt(BETWEEN), local)
 
 
 def _rim(mask: npt.NDArray[np.bool_], roi: tuple[int, int, int, int], setup: Setup) -> Array:

@@ -38,6 +38,8 @@ class ZeroLine:
         error: Standard error of its height at ``centre`` in m.
         slope_error: Standard error of its slope in rad.
         extent: Least and greatest x at which it was seen, in m.
+        tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
+        doubts: What speaks against trusting it, one sentence each.
     """
 
     origin: Array
@@ -46,6 +48,8 @@ class ZeroLine:
     error: float = 0.0
     slope_error: float = 0.0
     extent: tuple[float, float] = (-np.inf, np.inf)
+    tone: str = ""
+    doubts: tuple[str, ...] = ()
 
     @property
     def normal(self) -> Array:

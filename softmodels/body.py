@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,8 @@ QUADRATURE_DEGREE = 2
 """Exact for the products of linear gradients, which is what second-order elements need for their full rate."""
 
 SURFACE_DEGREE = 4
-CAVITY = 1
-"""Tag of the cavity's facets in the forms: the same for every mesh, since another number would compile them again."""
+CAVITY, SHEET = 1, 2
+"""Tags of the cavity's and a sheet's facets in the forms: the same for every mesh, or they would be compiled again."""
 
 
 class BodyError(RuntimeError):
@@ -41,7 +42,7 @@ class Body:
     Attributes:
         actuator: The geometry.
         mesh: DOLFINx mesh in units of ``actuator.size``; 3-D, or the (r, z) half section of an axisymmetric device.
-        cavity: Facet tags, `CAVITY` on the cavity's wall.
+        cavity: Facet tags on the cavities' walls: `CAVITY` on the first one's, numbers after `SHEET` on others'.
         entities: Local mesh entities by role: name to (dimension, indices).
         skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
     """
@@ -75,8 +76,14 @@ class Body:
             entities[name] = (group.dim, found.find(group.tag))
         if "cavity" not in entities:
             raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named 'cavity' to put a pressure on")
-        facets = entities["cavity"][1]
-        cavity = meshes.meshtags(data.mesh, tdim - 1, facets, np.full(len(facets), CAVITY, dtype=np.int32))
+        names = ["cavity", *(f"cavity{i + 1}" for i in range(1, len(actuator.ratios)))]
+        if missing := [name for name in names if name not in entities]:
+            raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r}")
+        walls = [entities[name][1] for name in names]
+        tags = np.repeat(_cavity_tags(len(names)), [len(wall) for wall in walls])
+        facets = np.concatenate(walls)
+        order = np.argsort(facets)
+        cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
         return cls(actuator, data.mesh, cavity, entities, _skew(actuator))
 
     @property
@@ -88,12 +95,43 @@ class Body:
         return np.linalg.inv(self.skew)
 
     def measures(self) -> tuple[Any, Any]:
-        """UFL measures over the reference body and its cavity wall, for the slice in 3-D, for the device in 2-D."""
+        """UFL measures over the reference body and its (first) cavity's wall, for the slice in 3-D, for the device in 2-D."""
         import ufl
 
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
-        ds = ufl.Measure("ds", self.mesh, subdomain_data=self.cavity, metadata={"quadrature_degree": SURFACE_DEGREE})
-        return dx, ds(CAVITY)
+        return dx, self._on_facets(None)(CAVITY)
+
+    def sheet_face(self, role: str) -> tuple[Any, Any]:
+        """UFL measure over the facets of a role, and their undeformed normal with three components.
+
+        Raises:
+            BodyError: The mesh has no facets of this role.
+        """
+        import ufl
+
+        N = ufl.FacetNormal(self.mesh)
+        return self._on_facets(role)(SHEET), ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
+
+    def _on_facets(self, sheet: str | None) -> Any:
+        import ufl
+
+        tags = self.cavity if sheet is None else self._with_sheet(sheet)
+        return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
+
+    @functools.lru_cache  # noqa: B019  (one body, one or two roles, and UFL asks for the same object each time)
+    def _with_sheet(self, role: str) -> Any:
+        """The cavity's facet tags, and `SHEET` on the facets of a role."""
+        from dolfinx import mesh as meshes
+
+        tdim = self.mesh.topology.dim
+        dimension, facets = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
+        if dimension != tdim - 1:
+            faces = ", ".join(name for name, (found, _) in self.entities.items() if found == tdim - 1)
+            raise BodyError(f"the mesh has no face named {role!r}; it has {faces}")
+        everything = np.concatenate([self.cavity.indices, facets])
+        order = np.argsort(everything)
+        values = np.concatenate([self.cavity.values, np.full(len(facets), SHEET, dtype=np.int32)])
+        return meshes.meshtags(self.mesh, tdim - 1, everything[order], values[order])
 
     @property
     def hoop(self) -> Any:
@@ -144,6 +182,28 @@ class Body:
             x, N = ufl.as_vector([x[0], 0, x[1]]), ufl.as_vector([N[0], 0, N[1]])
         return -ufl.dot(x, ufl.dot(ufl.cofac(F), N)) / 3 * self.hoop
 
+    def volume(self, w: Any, sheet: str | None = None) -> Any:
+        """UFL form of the deformed cavity's volume, the one that the cavity pressure P works on.
+
+        With several cavities, each under its ratio r_i of P, that is the sum of r_i V_i: the potential -sum P_i V_i is
+        -P V, so that one unknown P and one potential serve them all.
+
+        Args:
+            w: The skew components.
+            sheet: The role that `sheet_face` gives the measure of in the same form: a form takes one set of facet tags.
+        """
+        from dolfinx import fem
+
+        integrand, ds = self.volume_integrand(w), self._on_facets(sheet)
+        ratios = self.actuator.ratios
+        if ratios == (1.0,):
+            return integrand * ds(CAVITY)
+        tags = _cavity_tags(len(ratios))
+        # Constants, not numbers in the form: other ratios then compile nothing.
+        return sum(
+            fem.Constant(self.mesh, ratio) * integrand * ds(int(tag)) for ratio, tag in zip(ratios, tags, strict=True)
+        )
+
     def _constant_inverse(self) -> Any:
         from dolfinx import fem
 
@@ -183,6 +243,10 @@ class Body:
                 raise BodyError(f"role {role!r} is held along {direction}, which mixes the directions of other roles")
             result.append((role, [largest]))
         return result
+
+
+def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
+    return np.array([CAVITY, *range(SHEET + 1, SHEET + count)], dtype=np.int32)
 
 
 def _in_section(direction: Any, dimension: int) -> npt.NDArray[np.float64]:

@@ -16,6 +16,7 @@ from geometries import table as geometry_table
 from measurement.units import WATER_DENSITY, UnitError, exact_text, pascal_per_cm, quantity
 from softmodels import material_table
 from softmodels.materials import Material, MaterialError
+from softmodels.sheet import Sheet
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
 FORMULATIONS = ("mixed", "displacement")
@@ -44,6 +45,7 @@ class Case:
         water_density: Density in kg/m3 of the column's liquid.
         control: What the path follows.
         formulation: ``mixed`` or ``displacement``.
+        sheet: A thin sheet bonded to a face of the device.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Case:
     water_density: float = WATER_DENSITY
     control: str = "auto"
     formulation: str = "mixed"
+    sheet: Sheet | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
@@ -66,6 +69,11 @@ class Case:
             raise CaseError("added volumes cannot be requested under pressure control; use --control auto or volume")
         if self.formulation not in FORMULATIONS:
             raise CaseError(f"formulation {self.formulation!r} is not one of {', '.join(FORMULATIONS)}")
+        if self.sheet is not None and self.sheet.face not in self.actuator.faces:
+            raise CaseError(
+                f"sheet {self.sheet.face!r} is no face of {type(self.actuator).__name__}; a sheet goes on "
+                f"{' or '.join(self.actuator.faces) or 'none of its faces'}"
+            )
         if self.formulation == "displacement" and math.isinf(self.material.bulk):
             raise CaseError("poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed")
         if self.formulation == "mixed" and self.material.bulk <= 0.0:
@@ -115,19 +123,24 @@ class Case:
             {"pressure_cm": list(self.pressures_cm)} if self.pressures_cm else {"volume_ml": list(self.volumes_ml)}
         )
         load["water_density"] = exact_text(self.water_density, "kg/m^3")
-        return tomli_w.dumps(
-            {
-                "name": self.name,
-                "geometry": geometry_table.to_table(self.actuator),
-                "material": material_table.to_table(self.material),
-                "load": {**load, "control": self.control},
-                "solver": {"formulation": self.formulation},
-            }
-        )
+        tables = {
+            "name": self.name,
+            "geometry": geometry_table.to_table(self.actuator),
+            "material": material_table.to_table(self.material),
+            "load": {**load, "control": self.control},
+            "solver": {"formulation": self.formulation},
+        }
+        if self.sheet is not None:
+            tables["sheet"] = {"face": self.sheet.face, "stiffness": exact_text(self.sheet.stiffness, "N/m")}
+        return tomli_w.dumps(tables)
 
     @classmethod
-    def from_toml(cls, text: str) -> Case:
+    def from_toml(cls, text: str, folder: Path | None = None) -> Case:
         """Read a case file; what is left out has its default.
+
+        Args:
+            text: The file's text.
+            folder: The file's folder, from which a part's own file is counted.
 
         Raises:
             CaseError: Not TOML, unknown tables or names, or an impossible case.
@@ -136,8 +149,8 @@ class Case:
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise CaseError(f"not valid TOML: {error}") from None
-        _known(tables, "the case", ("name", "geometry", "material", "load", "solver"))
-        for table in ("geometry", "material", "load", "solver"):
+        _known(tables, "the case", ("name", "geometry", "material", "load", "solver", "sheet"))
+        for table in ("geometry", "material", "load", "solver", "sheet"):
             if not isinstance(tables.get(table, {}), dict):
                 raise CaseError(f"{table} is {tables[table]!r}; it must be a table, which begins with a line [{table}]")
         load, solver = tables.get("load", {}), tables.get("solver", {})
@@ -147,9 +160,10 @@ class Case:
             if table not in tables:
                 raise CaseError(f"the case has no [{table}] table")
         try:
+            actuator = geometry_table.from_table(_found(tables["geometry"], folder))
             return cls(
-                name=tables.get("name", "disk"),
-                actuator=geometry_table.from_table(tables["geometry"]),
+                name=tables.get("name", actuator.stem),
+                actuator=actuator,
                 material=material_table.from_table(tables["material"])
                 if "material" in tables
                 else material_table.DEFAULT,
@@ -158,6 +172,7 @@ class Case:
                 water_density=_density(load.get("water_density", exact_text(WATER_DENSITY, "kg/m^3"))),
                 control=load.get("control", "auto"),
                 formulation=solver.get("formulation", "mixed"),
+                sheet=_sheet(tables["sheet"]) if "sheet" in tables else None,
             )
         except (GeometryError, MaterialError) as error:
             raise CaseError(str(error)) from None
@@ -166,7 +181,7 @@ class Case:
     def from_file(cls, path: Path) -> Case:
         """Read a case file; see `from_toml`. The messages name the file."""
         try:
-            return cls.from_toml(path.read_text())
+            return cls.from_toml(path.read_text(), path.parent)
         except (OSError, UnicodeDecodeError) as error:
             raise CaseError(f"case file {path} cannot be read ({getattr(error, 'strerror', None) or error})") from None
         except CaseError as error:
@@ -177,6 +192,34 @@ def _known(table: Mapping[str, Any], where: str, names: tuple[str, ...]) -> None
     for key in table:
         if key not in names:
             raise CaseError(f"{where} has an unknown entry {key!r}; known are {', '.join(names)}")
+
+
+def _sheet(table: Mapping[str, Any]) -> Sheet:
+    _known(table, "[sheet]", ("face", "stiffness"))
+    return sheet_from(table.get("face"), table.get("stiffness"))
+
+
+def sheet_from(face: Any, stiffness: Any) -> Sheet:
+    """The sheet of a table or a command line: a face's name, and a stiffness as text or in N/m.
+
+    Raises:
+        CaseError: One without the other, or no stiffness.
+        MaterialError: A stiffness that no sheet has.
+    """
+    if not isinstance(face, str) or stiffness is None:
+        raise CaseError("a sheet needs both its face and its stiffness (--sheet top --sheet-stiffness 50kN/m)")
+    try:
+        return Sheet(face, quantity(stiffness, "N/m") if isinstance(stiffness, str) else stiffness)
+    except UnitError as error:
+        raise CaseError(f"sheet stiffness: {error}") from None
+
+
+def _found(geometry: dict[str, Any], folder: Path | None) -> dict[str, Any]:
+    """A geometry table whose ``file`` is an absolute path: the case.toml of the results lies in another folder."""
+    file = geometry.get("file")
+    if not isinstance(file, str) or not file:
+        return geometry
+    return {**geometry, "file": str((folder or Path()).resolve() / file)}
 
 
 def _density(value: Any) -> float:

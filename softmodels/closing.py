@@ -8,6 +8,7 @@ import subprocess
 import sys
 from typing import Any
 
+from geometries import Actuator
 from softmodels.case import Case
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results import Results, write_text
@@ -19,24 +20,29 @@ VOLUME_CHANGE = 0.1
 def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
     """Why the path ended, where, and what can be done about it."""
     asked = f"{case.pressures_cm[-1]:g} cm" if case.pressures_cm else f"{case.volumes_ml[-1]:g} ml"
-    last = fields.figures(path.last.state)
+    device, last = case.actuator, fields.figures(path.last.state)
     if end.limit is None:
         return (
             f"{asked} was not reached: {end}. The last state is at {last.pressure / case.cm:.4g} cm "
-            f"({last.pressure:.4g} Pa), apex {last.rises['apex'] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
-            "Steps down to a thousandth of the first were tried. If the curve was flattening, use --control auto or "
-            "arc-length, which pass limit points; otherwise refine the mesh (--cell-size), or look at the last state for "
-            "cells that fold"
+            f"({last.pressure:.4g} Pa), {device.gauge} {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
+            f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. If the curve was flattening, use "
+            "--control auto or arc-length, which pass limit points; otherwise refine the mesh (--cell-size), or look at the "
+            "last state for cells that fold"
         )
     at = fields.figures(end.limit.state)
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
-        f"({at.pressure:.5g} Pa), where the apex has risen {at.rises['apex'] * 1e3:.4g} mm (cavity ceiling "
-        f"{at.rises['ceiling'] * 1e3:.4g} mm) and the cavity has taken {at.added_volume * 1e6:.4g} ml; beyond it the "
-        f"device balloons. Stay below (with 25 % margin: {0.8 * at.pressure / case.cm:.4g} cm), take a thicker membrane "
-        "(--membrane), a smaller cavity (--cavity-radius) or a stiffer silicone, or drive it by volume past the limit "
-        "(--volume-ml, or --control volume)"
+        f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has taken "
+        f"{at.added_volume * 1e6:.4g} ml; beyond it the device balloons. Stay below (with 25 % margin: "
+        f"{0.8 * at.pressure / case.cm:.4g} cm), take {device.stiffer} or a stiffer silicone, or drive it by volume past "
+        "the limit (--volume-ml, or --control volume)"
     )
+
+
+def _risen(device: Actuator, rises: dict[str, float]) -> str:
+    """How far the device has moved: its gauge, and the other probes in brackets."""
+    others = ", ".join(f"{name} {rise * 1e3:.4g} mm" for name, rise in rises.items() if name != device.gauge)
+    return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
 
 
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
@@ -62,7 +68,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         )
         print(f"softmodels: {message}{where}", file=sys.stderr)
     elif not quiet:
-        row = results.rows[-1]
+        row, gauge = results.rows[-1], case.actuator.gauge
         if row["J_min"] < 1 - VOLUME_CHANGE or row["J_max"] > 1 + VOLUME_CHANGE:
             print(
                 f"softmodels: note: the silicone's own volume changed to {row['J_min']:.3f} to {row['J_max']:.3f} of what it "
@@ -70,7 +76,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
                 file=sys.stderr,
             )
         print(
-            f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa): apex {row['apex_mm']:+.5g} mm, "
+            f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa): {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
             f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )

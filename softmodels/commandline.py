@@ -14,7 +14,7 @@ import click
 from geometries import Actuator, GeometryError
 from geometries.options import QuantityType, device_from, device_options
 from measurement.units import WATER_DENSITY
-from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series
+from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series, sheet_from
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import MaterialError
 from softmodels.parallel import StartError, speaks
@@ -30,10 +30,8 @@ itself, finds the limit and says so.
 Examples:
   python -m {module} --pressure-cm {pressures}
   mpirun -n 2 python -m {module} --pressure-cm {pressures}
-  python -m {module} --pressure-cm 0:177:10 --section axisymmetric
-  python -m {module} --pressure-cm 0:20 --variant shadow --material ecoflex-00-30
-  python -m {module} --volume-ml 0:40 --variant shadow --material yeoh --c1 8kPa --c2 90Pa
-  python -m {module} --pressure-cm 0:177 -- -snes_monitor -log_view
+{examples}
+  python -m {module} --pressure-cm {pressures} -- -snes_monitor -log_view
 
 Words after -- go to PETSc; the factorisation of the tangent has the prefix body_.
 
@@ -52,41 +50,56 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--output", type=click.Path(path_type=Path), help=f"{text}  [default: results/NAME]")(command)
 
 
-def device_command(device: type[Actuator], module: str, name: str, pressures: str) -> click.Command:
+def device_command(
+    device: type[Actuator],
+    module: str,
+    pressures: str,
+    examples: tuple[str, ...],
+    default: str | None = None,
+) -> click.Command:
     """The click command of one actuator.
 
     Args:
         device: Its class.
         module: How it is started, such as ``softmodels.disk``.
-        name: Stem of its result files and default folder.
         pressures: The pressures shown in the help.
+        examples: Options of further examples in the help.
+        default: The silicone when none is given; None for the default law.
     """
+    name = device.stem
 
     def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
+                sheet: str | None, sheet_stiffness: float | None,
                 output: Path | None, resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...],
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
             law = {key: values.pop(key) for key in material_names()}
-            material = material_from(values.pop("material"), law)
+            material = material_from(values.pop("material") or default, law)
             return Case(
                 name=name, actuator=device_from(device, values), material=material,
                 pressures_cm=series(pressure_cm, "pressure") if pressure_cm is not None else (),
                 volumes_ml=series(volume_ml, "volume") if volume_ml is not None else (),
                 water_density=water_density, control=control, formulation=formulation,
+                sheet=sheet_from(sheet, sheet_stiffness) if (sheet, sheet_stiffness) != (None, None) else None,
             )  # fmt: skip
 
         execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc)
 
     what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
-    command.__doc__ = HELP.format(what=what, pressures=pressures, module=module)
+    command.__doc__ = HELP.format(what=what, pressures=pressures, module=module,
+                                  examples="\n".join(f"  python -m {module} {options}" for options in examples))  # fmt: skip
     made: Callable[..., Any] = run_options(command)
     made = click.option("--formulation", type=click.Choice(FORMULATIONS), default="mixed", show_default=True,
                         help="Displacement and pressure, or displacement alone (compressible studies).")(made)  # fmt: skip
     made = click.option("--control", type=click.Choice(CONTROLS), default="auto", show_default=True,
                         help="What the path follows.")(made)  # fmt: skip
+    made = click.option("--sheet-stiffness", type=QuantityType("N/m"),
+                        help="Young's modulus times thickness of the sheet, such as 50kN/m.")(made)  # fmt: skip
+    made = click.option("--sheet", metavar="FACE",
+                        help=f"Bond a thin sheet to a face of the device: {', '.join(device.faces)}.")(made)  # fmt: skip
     text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
     made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
-    made = material_options(made)
+    made = material_options(made, default)
     made = device_options(device)(made)
     made = click.option(
         "--volume-ml", metavar="SERIES", help="Added volumes of the cavity in ml, in place of pressures."

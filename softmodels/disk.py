@@ -3,7 +3,16 @@
 from geometries import HollowDisk
 from softmodels.commandline import device_command, main
 
-command = device_command(HollowDisk, "softmodels.disk", "disk", "0:177")
+command = device_command(
+    HollowDisk,
+    "softmodels.disk",
+    pressures="0:177",
+    examples=(
+        "--pressure-cm 0:177:10 --section axisymmetric",
+        "--pressure-cm 0:20 --variant shadow --material ecoflex-00-30",
+        "--volume-ml 0:40 --variant shadow --material yeoh --c1 8kPa --c2 90Pa",
+    ),
+)
 
 if __name__ == "__main__":
     main(command)

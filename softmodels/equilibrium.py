@@ -21,6 +21,7 @@ from softmodels.bordered import Bordered
 from softmodels.controls import Control
 from softmodels.materials import Material, MaterialError
 from softmodels.parallel import largest, total
+from softmodels.sheet import Sheet, membrane_energy
 from softmodels.strain import Strain
 
 FORMULATIONS = ("mixed", "displacement")
@@ -78,12 +79,13 @@ class Equilibrium:
         body: Mesh and roles.
         material: Law and parameters.
         formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
+        sheet: A thin sheet bonded to one of the body's faces.
 
     Raises:
         MaterialError: An incompressible material in the displacement formulation.
     """
 
-    def __init__(self, body: Body, material: Material, formulation: str = "mixed"):
+    def __init__(self, body: Body, material: Material, formulation: str = "mixed", sheet: Sheet | None = None):
         import basix.ufl
         import ufl
         from dolfinx import fem
@@ -106,13 +108,13 @@ class Equilibrium:
 
         self.P = fem.Constant(mesh, 0.0)
         self.parameters = _constants(mesh, material)
+        self.sheet, self._stiffness = sheet, fem.Constant(mesh, 0.0)
         self.bulk = fem.Constant(mesh, 0.0)  # inverse bulk if mixed: it may vanish, the bulk may not be infinite
         self.set_material(material)
         self.displacement = y
         strain = Strain(body.deformation_gradient(y))
-        dx, ds = body.measures()
-        stored = self.density(self.parameters, self.bulk) * body.hoop * dx
-        volume = body.volume_integrand(y) * ds
+        stored = self.integral(self.density(self.parameters, self.bulk), self._stiffness)
+        volume = body.volume(y, sheet.face if sheet is not None else None)
         inner, load = ufl.derivative(stored, self.w, test), ufl.derivative(volume, self.w, test)
         jit = {"cffi_extra_compile_args": ["-O2"]}
         self.form = form = functools.partial(fem.form, jit_options=jit)
@@ -151,6 +153,15 @@ class Equilibrium:
         p = ufl.split(self.w)[1]
         return shape + p * (strain.J - 1) - bulk / 2 * p**2
 
+    def integral(self, density: Any, stiffness: Any) -> Any:
+        """UFL integral of an energy density over the body, and of a bonded sheet of this stiffness over its face."""
+        whole = density * self.body.hoop * self.body.measures()[0]
+        if self.sheet is None:
+            return whole
+        on_face, normal = self.body.sheet_face(self.sheet.face)
+        energy = membrane_energy(self.body.deformation_gradient(self.displacement), normal)
+        return whole + stiffness * energy * self.body.hoop * on_face
+
     def _check_volume(self) -> None:
         """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
         found, known = self.rest().V * self.volume_unit, self.body.actuator.cavity_volume
@@ -166,6 +177,8 @@ class Equilibrium:
         for field in dataclasses.fields(material):
             value = np.asarray(getattr(material, field.name), dtype=float)
             getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
+        if self.sheet is not None:
+            self._stiffness.value = self.sheet.stiffness / (mu * self.length_unit)
         self.bulk.value = mu / material.bulk if self.mixed else material.bulk / mu
         self.material = material
 
@@ -219,6 +232,25 @@ class Equilibrium:
     def stored_energy(self) -> float:
         """Energy stored in the body in the current state."""
         return self._scalar(self._stored)
+
+    def force(self, role: str, component: int) -> float:
+        """Force of the current state on whatever holds a role along a component of w, of the slice, dimensionless.
+
+        It is what the potential would lose per displacement there: -d(stored - P V)/dw summed over the role's dofs.
+        """
+        from dolfinx import fem, la
+
+        vectors = self.space.sub(0) if self.mixed else self.space
+        dimension, found = self.body.entities[role]
+        dofs = fem.locate_dofs_topological(vectors.sub(component), dimension, found)
+        b = self._vector.x
+        total_force = 0.0
+        for form, factor in ((self._inner, -1.0), (self._load, float(self.P.value))):
+            b.array[:] = 0.0
+            fem.assemble_vector(b.array, form)
+            b.scatter_reverse(la.InsertMode.add)
+            total_force += factor * float(b.array[dofs[dofs < self.n]].sum())
+        return total(self.comm, total_force)
 
     def smallest_J(self) -> float:
         """Smallest volume ratio at the integration points of the current state."""

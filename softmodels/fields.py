@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from geometries.actuator import Vector
 from softmodels.equilibrium import Equilibrium, State
 from softmodels.grid import Grid, displacement_maps
 from softmodels.materials import Material
@@ -49,27 +50,45 @@ class Figures:
 
     Extremes of stretch and stress are over the integration points. Those of J are over the cells' means: elements that
     keep the volume do so in the mean, and their single points scatter around it by an error of the mesh.
+
+    ``rises`` are the probes' displacements along the lift, ``device`` is what `Actuator.device_figures` makes of their
+    places, ``max_stretch_at`` the undeformed place of the largest stretch in device coordinates.
     """
 
     pressure: float
     added_volume: float
     rises: dict[str, float]
+    device: dict[str, float]
     max_displacement: float
     max_stretch: float
+    max_stretch_at: tuple[float, float, float]
     max_von_mises: float
     J_min: float
     J_max: float
     stored_energy: float
 
 
+def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Matrix that takes values at points of the reference cell to the least-squares linear function's at places."""
+    at_points, at_places = (np.column_stack([np.ones(len(x)), x]) for x in (points, places))
+    return at_places @ np.linalg.pinv(at_points)
+
+
+def _place(start: Vector, shift: npt.NDArray[np.float64]) -> Vector:
+    x, y, z = np.asarray(start) + shift
+    return float(x), float(y), float(z)
+
+
 class Fields:
     """Nodal fields and key figures of an equilibrium's states.
 
-    Stresses and stretches at a node are the mean of the adjoining cells' values there, the volume ratio that of the
-    cells' own means.
+    Stresses and stretches at a node are the mean of what the adjoining cells have there by a linear fit through their
+    integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where
+    it nearly folds they are beyond all bounds. The volume ratio is the mean of the cells' own means.
     """
 
     def __init__(self, equilibrium: Equilibrium):
+        import ufl
         from dolfinx import fem, la
 
         self.equilibrium, self.grid = equilibrium, Grid(equilibrium)
@@ -77,12 +96,13 @@ class Fields:
         space = self.grid.space
         options = {"jit_options": {"cffi_extra_compile_args": ["-O2"]}}
         F = equilibrium.body.deformation_gradient(equilibrium.displacement, at_axis=True)
-        self._at_nodes = fem.Expression(F, space.element.interpolation_points, **options)
+        self._to_nodes = _linear_fit(equilibrium.points, space.element.interpolation_points)
         self._at_points = fem.Expression(F, equilibrium.points, **options)
         self._dofs = space.dofmap.list[: len(equilibrium.cells)]
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))
         self.rest_volume = equilibrium.rest().V
+        self._places = fem.Expression(ufl.SpatialCoordinate(equilibrium.body.mesh), equilibrium.points, **options)
         self._probes = {name: self._owner(point) for name, point in equilibrium.body.actuator.probes.items()}
 
     def _added(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -120,7 +140,12 @@ class Fields:
         eq = self.equilibrium
         eq.load(state)
         u = self._displacement(state)
-        lift = np.asarray(eq.body.actuator.lift)
+        actuator = eq.body.actuator
+        lift = np.asarray(actuator.lift)
+        moved = {
+            name: np.array([total(eq.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
+            for name, node in self._probes.items()
+        }
         F = self._gradients(self._at_points)
         stretches, J = principal_stretches(F), np.linalg.det(F).mean(axis=1)
         stress = von_mises(shape_stresses(eq.material, stretches))
@@ -128,19 +153,53 @@ class Fields:
         def most(values: npt.NDArray[np.float64]) -> float:
             return largest(eq.comm, float(values.max()) if values.size else -math.inf)
 
+        peak = most(stretches)
         return Figures(
             pressure=state.P * eq.stress_unit,
             added_volume=(state.V - self.rest_volume) * eq.volume_unit,
-            rises={
-                name: total(eq.comm, float(u[node] @ lift) if node >= 0 else 0.0) for name, node in self._probes.items()
+            rises={name: float(shift @ lift) for name, shift in moved.items()},
+            device={
+                **actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
+                **self._blocked(),
             },
             max_displacement=most(np.linalg.norm(u, axis=1)),
-            max_stretch=most(stretches),
+            max_stretch=peak,
+            max_stretch_at=self._place_of(stretches[..., -1], peak),
             max_von_mises=most(stress),
             J_min=-most(-J),
             J_max=most(J),
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
         )
+
+    def _blocked(self) -> dict[str, float]:
+        """Force in N of the whole device on what blocks it, if something does."""
+        eq = self.equilibrium
+        role = eq.body.actuator.blocked
+        if role is None:
+            return {}
+        # Held along the lift, so one row of the skew basis is the lift.
+        component = int(np.argmax(eq.body.skew @ np.asarray(eq.body.actuator.lift)))
+        unit = eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
+        return {"blocked_force_N": eq.force(role, component) * unit}
+
+    def _place_of(self, values: npt.NDArray[np.float64], peak: float) -> tuple[float, float, float]:
+        """Where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
+        eq = self.equilibrium
+        found = np.empty((0, 3))
+        near = values >= peak * (1 - 1e-9)
+        cells = np.flatnonzero(near.any(axis=1))
+        if cells.size:
+            places = self._places.eval(eq.body.mesh, eq.cells[cells])
+            places = places.reshape(*near[cells].shape, -1)[near[cells]]
+            flat = np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]) * eq.length_unit
+            found = eq.body.actuator.device_points(flat)
+        # Of equal ones, as at rest, the first in order of x, y, z: no rounding and no rank decides.
+        place = []
+        for axis in range(3):
+            least = -largest(eq.comm, -float(found[:, axis].min()) if len(found) else -math.inf)
+            found = found[found[:, axis] <= least + 1e-9 * eq.length_unit]
+            place.append(least)
+        return place[0], place[1], place[2]
 
     def nodal(self, state: State) -> dict[str, npt.NDArray[np.float64]] | None:
         """Fields over the grid's nodes by name, SI units, on rank 0; None elsewhere.
@@ -150,17 +209,17 @@ class Fields:
         """
         eq = self.equilibrium
         eq.load(state)
-        F = self._gradients(self._at_nodes)
+        F = self._gradients(self._at_points)
         stretches = principal_stretches(F)
-        stress = von_mises(shape_stresses(eq.material, stretches))
-        means = np.linalg.det(self._gradients(self._at_points)).mean(axis=1)
-        J = np.repeat(means[:, None], F.shape[1], axis=1)
+        stress = np.maximum(von_mises(shape_stresses(eq.material, stretches)) @ self._to_nodes.T, 0.0)
+        stretch = np.maximum(stretches[..., -1] @ self._to_nodes.T, 0.0)
+        J = np.repeat(np.linalg.det(F).mean(axis=1)[:, None], len(self._to_nodes), axis=1)
         fields = {
             "displacement": self._displacement(state),
             "p": self._pressure(state, J) * eq.stress_unit,
             **{
                 name: self._added(values) / self._share
-                for name, values in (("von_mises_stress", stress), ("largest_stretch", stretches[..., -1]), ("J", J))
+                for name, values in (("von_mises_stress", stress), ("largest_stretch", stretch), ("J", J))
             },
         }
         whole = {name: self.grid.collect(values) for name, values in fields.items()}

@@ -24,8 +24,13 @@ ALIASES = {
 }
 
 
-def material_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--material`` and an option for every parameter of every law to a click command."""
+def material_options(command: Callable[..., Any], default: str | None = None) -> Callable[..., Any]:
+    """Add ``--material`` and an option for every parameter of every law to a click command.
+
+    Args:
+        command: The function or command.
+        default: The silicone that stands in the help as the default; None for `DEFAULT`.
+    """
     owners: dict[str, list[str]] = {}
     texts: dict[str, str] = {}
     for law in LAWS.values():
@@ -40,7 +45,7 @@ def material_options(command: Callable[..., Any]) -> Callable[..., Any]:
         command = click.option(_flag(name), name, help=f"{texts[name][0].upper()}{texts[name][1:]} ({of}).")(command)
     text = (
         f"A law ({', '.join(LAWS)}), a silicone ({', '.join(SILICONES)}) or a TOML file with a [material] table.  "
-        f"[default: neo-hookean, shear modulus {exact_text(DEFAULT.shear_modulus, 'Pa')}]"
+        f"[default: {default or f'neo-hookean, shear modulus {exact_text(DEFAULT.shear_modulus, "Pa")}'}]"
     )
     return click.option("--material", "material", metavar="NAME", help=text)(command)
 

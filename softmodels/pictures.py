@@ -94,11 +94,12 @@ def draw(folder: Path, name: str, report: Callable[[str], Any] = print) -> list[
         written.append(folder / file)
 
     with matplotlib.rc_context(STYLE):
-        save("apex.png", plots.apex(results.rows, case.cm))
+        gauge = case.actuator.gauge
+        save(f"{gauge}.png", plots.rise(results.rows, gauge, case.cm))
         save("profile.png", _profiles(results, body, case.actuator))
         if case.actuator.dimension == 2:
             save("mesh.png", plots.section_mesh(body.points, body.cells))
-            save("slice.png", plots.section_stress(body.points, body.moved, body.cells, body.stress, row))
+            save("slice.png", plots.section_stress(body.points, body.moved, body.cells, body.stress, row, gauge))
         if not can_render():
             report(NO_RENDERING)
             return written
@@ -125,7 +126,7 @@ def _chosen(results: Results) -> tuple[dict[str, Any], Body]:
 def _profiles(results: Results, body: Body, actuator: Actuator) -> Figure:
     lines = {
         step: plots.profile(body.points, results.fields(step, ("displacement",))["displacement"], actuator)
-        for step in plots.profile_steps(results.rows)
+        for step in plots.profile_steps(results.rows, actuator.gauge)
     }
     return plots.profiles(lines, plots.profile(body.points, np.zeros_like(body.points), actuator), results.rows)
 
@@ -219,7 +220,7 @@ def _slice(body: Body, actuator: Actuator, row: dict[str, Any]) -> Figure:
         (_outline(surface), {"color": INK, "line_width": 2.0}),
         (_outline(_surface(_grid(shown, moved=False))), {"color": FAINT, "line_width": 1.5}),
     ]
-    return plots.page(_render(layers, _towards_slice(body, actuator)), plots.headline(row), stress)
+    return plots.page(_render(layers, _towards_slice(body, actuator)), plots.headline(row, actuator.gauge), stress)
 
 
 def _device(body: Body, actuator: Actuator, row: dict[str, Any]) -> Figure:
@@ -231,7 +232,7 @@ def _device(body: Body, actuator: Actuator, row: dict[str, Any]) -> Figure:
         assembled, gap = _assembled(body, actuator)
         surface = _surface(_grid(assembled))
     layers: list[Layer] = [(surface, _coloured(stress)), (_outline(surface), {"color": INK, "line_width": 2.0})]
-    return plots.page(_render(layers, _direction(gap, 32.0)), plots.headline(row), stress)
+    return plots.page(_render(layers, _direction(gap, 32.0)), plots.headline(row, actuator.gauge), stress)
 
 
 def _assembled(body: Body, actuator: Actuator) -> tuple[Body, float]:

@@ -61,10 +61,10 @@ def number(value: float) -> str:
     return f"{value:.1f}".removesuffix(".0")
 
 
-def headline(row: Row) -> str:
+def headline(row: Row, gauge: str) -> str:
     """What a state is, in words and units."""
     pressure = f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
-    return f"{pressure}, apex rise {row['apex_mm']:.2f} mm"
+    return f"{pressure}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
 
 
 # -- second-order cells -----------------------------------------------------------------------------------------------
@@ -181,7 +181,9 @@ def section_mesh(points: Array, cells: npt.NDArray[np.int64]) -> Figure:
     return figure
 
 
-def section_stress(points: Array, moved: Array, cells: npt.NDArray[np.int64], values: Array, row: Row) -> Figure:
+def section_stress(
+    points: Array, moved: Array, cells: npt.NDArray[np.int64], values: Array, row: Row, gauge: str
+) -> Figure:
     """The deformed half section coloured by stress, over the outline of the undeformed one.
 
     Args:
@@ -190,6 +192,7 @@ def section_stress(points: Array, moved: Array, cells: npt.NDArray[np.int64], va
         cells: Shape (c, 6).
         values: Von Mises stress in Pa, shape (n,).
         row: The state's row of ``path.csv``.
+        gauge: The device's `Actuator.gauge`.
     """
     before, after, stress = points[:, ::2] * 1e3, moved[:, ::2] * 1e3, Stress(values)
     figure, axes = _section(np.concatenate([before, after]), 0.95)
@@ -198,7 +201,7 @@ def section_stress(points: Array, moved: Array, cells: npt.NDArray[np.int64], va
     axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=0.0, vmax=stress.top)
     for shown, colour in ((after, INK), (before, FAINT)):
         axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.0))
-    axes.set_title(headline(row))
+    axes.set_title(headline(row, gauge))
     height = figure.get_figheight()
     stress.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
     return figure
@@ -233,26 +236,28 @@ def _section(points: Array, foot: float) -> tuple[Figure, Axes]:
 # -- curves -----------------------------------------------------------------------------------------------------------
 
 
-def apex(rows: Sequence[Row], pascal_per_cm: float) -> Figure:
-    """Rise of the apex over the pressure.
+def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
+    """Rise of the device's gauge, such as the disk's apex, over the pressure.
 
     Args:
         rows: All rows of ``path.csv``.
+        gauge: The device's `Actuator.gauge`.
         pascal_per_cm: Pa in one cm of the column.
     """
-    path = np.array([[row["pressure_cm"], row["apex_mm"]] for row in rows])
+    column = f"{gauge}_mm"
+    path = np.array([[row["pressure_cm"], row[column]] for row in rows])
     figure = Figure((WIDTH, 6.4), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     axes.plot(*smooth(path).T, color=CURVE, label="simulated path")
     axes.plot(*path.T, "o", color=CURVE, markersize=3.5, label="steps")
-    asked = np.array([[row["pressure_cm"], row["apex_mm"]] for row in rows if row["requested"]]).reshape(-1, 2)
+    asked = np.array([[row["pressure_cm"], row[column]] for row in rows if row["requested"]]).reshape(-1, 2)
     if len(asked):
         axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=9, markeredgewidth=2, label="requested")
     for row in limits(rows):
         pressure = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
-        label = f"limit point: {pressure}, {row['apex_mm']:.4g} mm"
-        axes.plot(row["pressure_cm"], row["apex_mm"], "D", color=WARNING, markersize=9, label=label)
-    axes.set(xlabel="pressure in cm of water", ylabel="apex rise in mm")
+        label = f"limit point: {pressure}, {row[column]:.4g} mm"
+        axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9, label=label)
+    axes.set(xlabel="pressure in cm of water", ylabel=f"{gauge} rise in mm")
     axes.margins(0.04)
     k = pascal_per_cm / 1e3
     convert: Any = (lambda column: column * k, lambda pressure: pressure / k)
@@ -314,19 +319,19 @@ def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
     return np.column_stack([radius + moved[:, :2] @ along, start[:, 2] + moved[:, 2]])[order]
 
 
-def profile_steps(rows: Sequence[Row]) -> list[int]:
+def profile_steps(rows: Sequence[Row], gauge: str) -> list[int]:
     """Which steps the profile shows beside the undeformed line: the requested ones, limit points and the last.
 
-    If few were requested, up to eight steps stand evenly in the rise of the apex as well.
+    If few were requested, up to eight steps stand evenly in the gauge's rise as well.
     """
     loaded = [k for k, row in enumerate(rows) if row["pressure_Pa"] or row["added_volume_ml"]]
     if not loaded:
         return []
     shown = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
     if sum(bool(rows[k]["requested"]) for k in loaded) <= FEW:
-        rise = np.array([rows[k]["apex_mm"] for k in loaded])
-        wanted = np.linspace(0.0, rise.max(), 9)[1:]
-        shown |= {loaded[int(np.argmin(np.abs(rise - value)))] for value in wanted}
+        risen = np.array([rows[k][f"{gauge}_mm"] for k in loaded])
+        wanted = np.linspace(0.0, risen.max(), 9)[1:]
+        shown |= {loaded[int(np.argmin(np.abs(risen - value)))] for value in wanted}
     return sorted(shown)
 
 

@@ -12,13 +12,14 @@ class Progress:
     Args:
         last: Last requested value.
         unit: Its unit, ``"cm"`` or ``"ml"``.
+        gauge: The probe whose rise is told.
         quiet: Say nothing.
     """
 
-    def __init__(self, last: float, unit: str, quiet: bool):
+    def __init__(self, last: float, unit: str, gauge: str, quiet: bool):
         from rich.console import Console
 
-        self.last, self.unit, self.quiet = last, unit, quiet
+        self.last, self.unit, self.gauge, self.quiet = last, unit, gauge, quiet
         self.console = Console(stderr=True, quiet=quiet, highlight=False, soft_wrap=True)
         self.console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         self.started = time.monotonic()
@@ -60,7 +61,7 @@ class Progress:
     def step(self, row: dict[str, Any], value: float) -> None:
         """One step done: its row of the table, and how far it is towards the last requested value."""
         text = (
-            f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  apex {row['apex_mm']:+8.3f} mm  "
+            f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  {self.gauge} {row[f'{self.gauge}_mm']:+8.3f} mm  "
             f"{row['added_volume_ml']:+8.3f} ml  {row['newton_iterations']:2d} iterations"
         )
         if self._bar is not None:

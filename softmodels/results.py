@@ -49,10 +49,11 @@ class Results:
     Args:
         folder: Where to write; made if missing.
         name: Stem of the files, such as ``"disk"``.
+        gauge: The device's `Actuator.gauge`, which names the picture of its rise.
     """
 
-    def __init__(self, folder: Path, name: str):
-        self.folder, self.name = folder, name
+    def __init__(self, folder: Path, name: str, gauge: str = "apex"):
+        self.folder, self.name, self.gauge = folder, name, gauge
         self.stored: list[Stored] = []
 
     @property
@@ -78,7 +79,7 @@ class Results:
             self.folder / "summary.json",
         ):
             path.unlink(missing_ok=True)
-        for picture in (*PICTURES, self.name):
+        for picture in (*PICTURES, self.gauge, self.name):
             (self.folder / f"{picture}.png").unlink(missing_ok=True)
 
     def begin(self, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], cell_name: str) -> None:
@@ -223,8 +224,8 @@ FIELDS = {
 }
 """Nodal fields of every step, with XDMF's kind."""
 
-PICTURES = ("apex", "profile", "mesh", "slice")
-"""Stems of the pictures drawn beside the one that has the results' own name."""
+PICTURES = ("profile", "mesh", "slice")
+"""Stems of the pictures drawn beside those that have the results' and the gauge's name."""
 
 
 def _item(parent: Any, shape: tuple[int, ...], place: str, number: str = "Float", precision: str = "8") -> None:

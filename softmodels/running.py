@@ -51,9 +51,10 @@ def run(
     abort_on_error(comm)
     from petsc4py import PETSc
 
-    results = Results(folder, case.name)
+    results = Results(folder, case.name, case.actuator.gauge)
     unit = "cm" if case.pressures_cm else "ml"
-    progress = Progress((case.pressures_cm or case.volumes_ml)[-1], unit, quiet or not is_root(comm))
+    last = (case.pressures_cm or case.volumes_ml)[-1]
+    progress = Progress(last, unit, case.actuator.gauge, quiet or not is_root(comm))
     status, message = DONE, ""
     try:
         with progress, _interruptible() as stopped:
@@ -79,7 +80,10 @@ def run(
             f"the results cannot be written ({reason}); make room for them and go on with --resume",
         )
     except MemoryError:
-        status, message = FAILED, "the machine's memory is full; use a larger --cell-size or --section axisymmetric"
+        status, message = (
+            FAILED,
+            "the machine's memory is full; use a larger --cell-size, or a smaller slice of the device",
+        )
     return on_root(comm, lambda: close(case, results, status, message, quiet, draw))
 
 
@@ -131,7 +135,8 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
 
     mesh = results.folder / f"{case.name}.msh"
     if not (resumed and mesh.exists()):
-        progress.say(f"meshing {type(case.actuator).__name__} ({case.actuator.section})")  # type: ignore[attr-defined]
+        kind = "solid" if case.actuator.dimension == 3 else "axisymmetric section"
+        progress.say(f"meshing {type(case.actuator).__name__} ({kind}, 1/{case.actuator.copies})")
         on_root(comm, lambda: case.actuator.write(mesh))
     progress.say("preparing the equations (compiled the first time, half a minute; then from the cache)")
     on_root(comm, lambda: wait_for_cache(cache(), progress.say, lambda: bool(stopped)))
@@ -139,7 +144,7 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
     try:
         body = Body.from_file(case.actuator, mesh, comm)
         with compiling():
-            equilibrium = Equilibrium(body, case.material, case.formulation)
+            equilibrium = Equilibrium(body, case.material, case.formulation, case.sheet)
             fields = Fields(equilibrium)
     except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error
@@ -200,8 +205,10 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             "pressure_Pa": figures.pressure,
             "added_volume_ml": figures.added_volume * 1e6,
             **{f"{name}_mm": rise * 1e3 for name, rise in figures.rises.items()},
+            **figures.device,
             "max_displacement_mm": figures.max_displacement * 1e3,
             "max_stretch": figures.max_stretch,
+            **{f"max_stretch_{axis}_mm": at * 1e3 for axis, at in zip("xyz", figures.max_stretch_at, strict=True)},
             "max_von_mises_kPa": figures.max_von_mises / 1e3,
             "J_min": figures.J_min,
             "J_max": figures.J_max,

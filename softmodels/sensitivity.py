@@ -131,7 +131,9 @@ class _Directions:
         slope = ufl.diff(density, bulk) * self.bulk
         for name, variable in variables.items():
             slope += ufl.inner(ufl.diff(density, variable), self.turns[name])
-        self.energy = slope * eq.body.hoop * eq.body.measures()[0]
+        self.sheet, self.stiffness = eq.sheet, fem.Constant(mesh, 0.0)
+        self.length = eq.length_unit
+        self.energy = eq.integral(slope, self.stiffness)
 
     def turn(self, material: Material, name: str) -> float:
         """Point the direction along one parameter of the law; returns the shear modulus' derivative by it."""
@@ -145,4 +147,6 @@ class _Directions:
         stiff = isinstance(bulk, float) and math.isinf(bulk)
         ratio = (0.0 if stiff else mu / bulk) if self.mixed else bulk / mu
         self.bulk.value = np.imag(ratio) / _STEP
+        if self.sheet is not None:  # it keeps its stiffness, which in shear moduli falls
+            self.stiffness.value = np.imag(self.sheet.stiffness / (mu * self.length)) / _STEP
         return mu.imag / _STEP

@@ -22,6 +22,7 @@ from softmodels.quadratic_curve import QuadraticCurve
 Array = npt.NDArray[np.float64]
 
 OUTER = "outer"
+"""Role of the facets that are neither held nor loaded; those a sheet can be bonded to have roles of their own."""
 
 
 class Silhouette:
@@ -100,11 +101,12 @@ class Silhouette:
 
 
 def _outer_edges(body: Any) -> npt.NDArray[np.int32]:
-    """Local edges of the outer curve: outer facets of a section; edges of both the outer and a cut facet of a slice."""
+    """Local edges of the outer curve: outer facets of a section; edges of both an outer and a cut facet of a slice."""
     dim = body.actuator.dimension
-    if OUTER not in body.entities:
+    roles = [role for role in (OUTER, *body.actuator.faces) if role in body.entities]
+    if not roles:
         raise BodyError(f"the mesh has no facets named {OUTER!r}, whose shadow could be seen")
-    facets = body.entities[OUTER][1]
+    facets = np.unique(np.concatenate([body.entities[role][1] for role in roles]))
     if dim == 2:
         return facets
     if not body.actuator.cut_planes:
@@ -176,4 +178,6 @@ def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.ND
         if not following:
             break
         i = following[0]
+    if not order:
+        raise BodyError("the outer surface has no top on the axis, so its outline cannot be followed")
     return np.array(order), np.array(turned)

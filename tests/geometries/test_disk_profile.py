@@ -22,7 +22,7 @@ def disk(request):
 
 def test_groups_and_symmetry(disk, meshed):
     support = (0, "support") if disk.support == "rim" else (1, "support")
-    assert set(meshed(disk).groups) == {(2, "solid"), (1, "cavity"), (1, "outer"), (1, "axis"), support}
+    assert set(meshed(disk).groups) == {(2, "solid"), (1, "cavity"), (1, "top"), (1, "outer"), (1, "axis"), support}
     assert (disk.dimension, disk.copies, disk.cut_planes) == (2, 1, ())
     held = Hold("support", (0, 0, 1), point=True) if disk.support == "rim" else Hold("support", None)
     assert disk.holds == (held, Hold("axis", (1, 0, 0)))

@@ -29,7 +29,7 @@ def disk(request):
 
 
 def test_groups_are_the_documented_ones(disk, meshed):
-    expected = {(3, "solid"), (2, "cavity"), (2, "outer")}
+    expected = {(3, "solid"), (2, "cavity"), (2, "top"), (2, "outer")}
     expected |= {(2, plane.name) for plane in disk.cut_planes}
     expected |= {(1, "support")} if disk.support == "rim" else {(2, "support")}
     if disk.support == "rim":
@@ -73,7 +73,7 @@ def test_every_cavity_node_is_on_the_cavity(disk, meshed):
 
 
 def test_every_outer_node_is_on_the_outside(disk, meshed):
-    points = meshed(disk).at(2, "outer")
+    points = np.concatenate([meshed(disk).at(2, "outer"), meshed(disk).at(2, "top")])
     r, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
     near = 1e-9 * disk.outer_radius
     bottom, top, side = np.abs(z) < near, np.abs(z - disk.height) < near, np.abs(r - disk.outer_radius) < near

@@ -74,7 +74,7 @@ def test_setup_from_known_points(grid, tmp_path):
     ("options", "status", "reason"),
     [
         (("--grid-pitch", "9"), 2, "has no unit"),
-        (("--lens", "none", "--grid-pitch", "-9mm"), 1, "pitch of the grid must be"),
+        (("--lens", "none", "--grid-pitch", "-9mm"), 2, "must be a positive length"),
         (("--lens", "No Such 10-20mm"), 2, "does not know the lens"),
         (("--lens", "missing.toml"), 2, "camera missing.toml cannot be read"),
         (("--lens", "missing.xml"), 2, "lens profile missing.xml cannot be read"),
@@ -83,7 +83,7 @@ def test_setup_from_known_points(grid, tmp_path):
         (("--lens", "none", "--zero", "1,2"), 2, "two different points"),
         (("--lens", "none", "--zero", "1,2=1,2"), 2, "two different points"),
         (("--lens", "none", "--lamp-distance", "2m"), 2, "both --lamp-distance and --screen-distance"),
-        (("--lens", "none", "--point", "1,2=9mm,9mm"), 2, "give at least 5"),
+        (("--lens", "none", "--point", "1,2=9mm,9mm"), 2, "give at least 4"),
         (("--lens", "none", "--point", "1,2=9mm"), 2, "no known point"),
         (("--lens", "none", "--origin", "middle"), 2, "--origin needs 2 numbers"),
         (("--focal", "100mm"), 2, "from 18 to 55 mm"),
@@ -102,7 +102,7 @@ def test_setup_refuses(grid, tmp_path, monkeypatch, options, status, reason):
 def test_unusable_photographs(tmp_path):
     blank = save(tmp_path / "blank.png", np.full((400, 600, 3), 200, np.uint8))
     for name, status, reason in (
-        (blank, 1, "blank"),
+        (blank, 2, "blank"),
         (tmp_path / "none.jpg", 2, "cannot be read"),
         (__file__, 2, "cannot be read"),
     ):
@@ -112,21 +112,18 @@ def test_unusable_photographs(tmp_path):
     assert "does not name its camera" in run("setup", blank, "-o", tmp_path / "setup.toml").stderr
 
 
-@pytest.mark.xfail(
-    reason="five small boards leave the lens 0.4 px off at the frame's corners: 23 um on the grid, not 6", strict=True
-)
-def test_calibrate_then_setup(tmp_path):
+def test_calibrate_then_setup(tmp_path, boards_drawn):
     """Boards drawn through the photographer's truth, calibrated, and the camera file used for a setup."""
     lens = (-0.2, 0.04)
     paths = []
     for number, (tilt, pan) in enumerate([(20, 0), (-25, 10), (5, 30), (10, -30), (-15, -20)]):
-        image = board(
+        image = boards_drawn["chessboard"](
             Scene(width=900, height=600, focal_px=1000.0, pixel_size=1.0e-4, tilt=tilt, pan=pan, distortion=lens)
         )
         paths.append(save(tmp_path / f"board{number}.png", image))
     done = run("calibrate", *paths, "--pattern", "9x6", "--pitch", "8mm", "-o", tmp_path / "camera.toml")
     assert done.exit_code == 0, done.output
-    assert float(re.search(r"Focal length ([\d.]+) px", done.output)[1]) == pytest.approx(1000.0, rel=0.01)
+    assert float(re.search(r"fx ([\d.]+) px", done.output)[1]) == pytest.approx(1000.0, rel=0.01)
     image, _ = photograph(Scene(width=900, height=600, focal_px=1000.0, pixel_size=6e-5, distortion=lens))
     path = save(tmp_path / "grid.png", image)
     done = run("setup", path, "--lens", tmp_path / "camera.toml", "-o", tmp_path / "setup.toml")
@@ -134,27 +131,9 @@ def test_calibrate_then_setup(tmp_path):
     assert float(re.search(r"plane by ([\d.]+) um", done.output)[1]) < 6.0
     wrong = save(tmp_path / "small.png", image[:400])
     assert "900 x 600 px" in run("setup", wrong, "--lens", tmp_path / "camera.toml").stderr
-    assert run("calibrate", *paths, path, "--pitch", "8mm", "-o", tmp_path / "camera.toml").exit_code == 1
+    assert run("calibrate", *paths[:3], path, "--pitch", "8mm", "-o", tmp_path / "camera.toml").exit_code == 1
     assert "needs 3 or more" in run("calibrate", path, "-o", tmp_path / "camera.toml").stderr
     assert "no pattern" in run("calibrate", path, "--pattern", "9", "-o", tmp_path / "camera.toml").stderr
-
-
-def board(scene):
-    """A chessboard of 9 x 6 inner corners, 8 mm, in place of the screen; each pixel the mean of 16 places."""
-    from measurement.synthetic import truth_of
-
-    truth = truth_of(scene)
-    fine = (np.arange(4) + 0.5) / 4 - 0.5
-    light = np.zeros((scene.height, scene.width))
-    y, x = np.indices(light.shape).astype(float)
-    for u in fine:
-        for v in fine:
-            cell = np.floor(
-                truth.to_screen(np.column_stack([(x + u).ravel(), (y + v).ravel()])) / 0.008 + [5, 3.5]
-            ).astype(int)
-            inside = (cell >= 0).all(axis=1) & (cell < [10, 7]).all(axis=1)
-            light += np.where(inside & (cell.sum(axis=1) % 2 == 0), 40.0, 220.0).reshape(light.shape) / 16
-    return np.repeat(np.uint8(light)[..., None], 3, axis=2)
 
 
 def test_help_names_all_commands():

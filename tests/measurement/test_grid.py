@@ -152,8 +152,8 @@ def tiny():
 
 UNUSABLE = {
     blank: "blank", noise: "no grid", stripes: "no grid", shadow_only: "no grid", too_blurred: "no grid|blank|blurred",
-    too_few: "fewest|crossings", one_crossing: "fewest|crossings|no grid", chessboard: "", random_lines: "", rings: "",
-    uneven_spacing: "", diagonal: "45 degrees", tiny: "32 x 32",
+    too_few: "fewest|crossings", one_crossing: "fewest|crossings|no grid", chessboard: "fewest", random_lines: "too few places",
+    rings: "too faint or too blurred", uneven_spacing: "only 0 crossings", diagonal: "45 degrees", tiny: "32 x 32",
 }  # fmt: skip
 
 

@@ -192,22 +192,22 @@ def rows(pressures: list[float], requested: set[float], limit: float | None = No
 
 def test_which_steps_the_profile_shows():
     pressures = [float(p) for p in range(0, 170, 10)]
-    many = plots.profile_steps(rows(pressures, {0.0, 30.0, 60.0, 90.0}))
+    many = plots.profile_steps(rows(pressures, {0.0, 30.0, 60.0, 90.0}), "apex")
     assert many == [3, 6, 9, 16]  # the requested ones under load, and the last
-    few = plots.profile_steps(rows(pressures, {0.0, 160.0}))
+    few = plots.profile_steps(rows(pressures, {0.0, 160.0}), "apex")
     assert few == [2, 4, 6, 8, 10, 12, 14, 16]
-    assert plots.profile_steps(rows([0.0], {0.0})) == []
+    assert plots.profile_steps(rows([0.0], {0.0}), "apex") == []
 
 
 def test_limit_points_are_marked_with_their_value():
     path = rows([0.0, 20.0, 34.75, 30.0], {20.0}, limit=34.75)
-    (axes,) = plots.apex(path, 95.0).axes
+    (axes,) = plots.rise(path, "apex", 95.0).axes
     (marked,) = [line for line in axes.lines if str(line.get_label()).startswith("limit point")]
     assert marked.get_label() == "limit point: 34.75 cm (3.301 kPa), 1 mm"
     assert (marked.get_xdata(), marked.get_ydata()) == ([34.75], [1.0])
     (asked,) = [line for line in axes.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[20.0, 0.5]]
-    assert not [line for line in plots.apex(path[:2], 95.0).axes[0].lines if "limit" in str(line.get_label())]
+    assert not [line for line in plots.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())]
 
 
 def test_the_smooth_curve_keeps_points_and_turning_points():

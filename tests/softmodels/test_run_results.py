@@ -189,7 +189,7 @@ def test_a_terminal_shows_a_bar(monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     row = {"step": 3, "pressure_cm": 88.5, "apex_mm": 2.0, "added_volume_ml": 1.0, "newton_iterations": 2}
-    with Progress(177.0, "cm", quiet=False) as progress, progress.console.capture() as shown:
+    with Progress(177.0, "cm", "apex", quiet=False) as progress, progress.console.capture() as shown:
         progress.step(row, 88.5)
         bar = progress._bar.tasks[0]
         assert bar.completed == 88.5 and bar.total == 177.0 and "step   3" in bar.description

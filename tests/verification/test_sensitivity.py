@@ -9,9 +9,11 @@ import pytest
 
 from geometries import GeometryError, HollowDisk
 from softmodels.controls import pressure_control, volume_control
+from softmodels.equilibrium import Equilibrium
 from softmodels.materials import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.reshaping import Reshaping
 from softmodels.sensitivity import Sensitivity, known_parameters
+from softmodels.sheet import Sheet
 
 LAWS = {
     "neo-hookean": NeoHookean(30e3, 0.45),
@@ -141,6 +143,15 @@ def test_rates_of_a_slice(equilibrium, solved, sensitivity):
     law = LAWS["neo-hookean"]
     equations = equilibrium(WEDGE, law)
     check(equations, sensitivity, law, at(solved, equations, 0.1).state)
+
+
+def test_rates_with_a_sheet(body_of, solved):
+    """A bonded sheet keeps its own stiffness as the silicone's changes."""
+    law, disk = LAWS["neo-hookean"], dataclasses.replace(THIN, membrane=0.003)
+    equations = Equilibrium(body_of(disk), law, sheet=Sheet("top", 30.0))
+    making = Sensitivity(equations, reshaping(equations))
+    rates = check(equations, lambda _: making, law, at(solved, equations, BEFORE).state)
+    assert np.linalg.norm(rates["shear_modulus"].w) > 0.0
 
 
 def test_rates_at_a_given_pressure(equilibrium, solved, sensitivity):

@@ -1,0 +1,148 @@
+"""The seminar actuator: a triangular slab of silicone with a fan of air channels that bends it out of its plane.
+
+Seen from above, x from the clamped base to the tip, the mirror plane y = 0 in the middle::
+
+    y
+    |\\___
+    |    \\___  channels, widening
+    |  \\  /  \\___  towards the sides
+    |   )-----     \\___
+    |   )-----------   ) tip
+    |   )-----      ___/
+    |  /  \\  ___/
+    |    ___/
+    |___/  the manifold is the arc
+    0________________________ x
+
+The manifold is an arc around the base's centre; from it the channels run straight out. All lie in one plane, off the
+middle of the thickness by `offset`: pressure pulls the slab long off its middle, so it bends away from the channels' side, the
+thin one. The supply hose is not modelled: the cavity is closed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.fields import angle_field, choice_field, length_field, number_field
+from geometries.seminar_checks import check_seminar
+from geometries.seminar_plan import outline_area
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SeminarActuator(Actuator):
+    """A triangular slab with a network of air channels that bends out of its plane.
+
+    Lengths are in m, angles in degrees. The slab lies between z = -thickness/2 and thickness/2. Physical groups: volume
+    "solid"; surfaces "cavity" (all channel walls), "support" (the base, x = 0, clamped), "top" and "bottom" (the faces
+    at z = +- thickness/2), "tip" (the rounding, if there is one), "outer" (the sides) and, of a half, "plane0" (y = 0).
+    """
+
+    length: float = length_field(0.070, "length from the clamped base to the tip")
+    base_width: float = length_field(0.060, "width at the base")
+    thickness: float = length_field(0.008, "thickness of the slab")
+    tip_radius: float = length_field(0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True)
+    channels: int = choice_field(5, tuple(range(1, 13)), "number of channels")
+    spread: float = angle_field(100.0, "angle between the outermost channels, which is that of the manifold's arc")
+    manifold_radius: float = length_field(0.012, "radius of the manifold's arc around the middle of the base")
+    manifold_bore: float = length_field(0.0009, "radius of the manifold's round section")
+    channel_bore: float = length_field(0.0007, "radius of a channel's section at the manifold")
+    end_bore: float = length_field(0.0010, "radius of a channel's section at its end, which is round")
+    offset: float = length_field(
+        -0.001, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
+    )
+    edge: float = length_field(0.004, "solid between the channels' ends and the slab's sides")
+    least_wall: float = length_field(0.0005, "thinnest solid allowed between channels and faces, and between channels")
+    cell_size: float = length_field(0.005, "edge length of the cells far from the channels")
+    around: float = number_field(10.0, "cells around a channel's section")
+    order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
+    part: str = choice_field("half", ("half", "full"), "half up to the mirror plane, or the full slab")
+    tip: str = choice_field("free", ("free", "held"), "tip free to move, or its rounding held along z (blocked force)")
+
+    stem: ClassVar = "seminar"
+    faces: ClassVar = ("top", "bottom")
+    stiffer: ClassVar = "narrower channels (--end-bore, --manifold-bore), a thicker slab (--thickness)"
+    examples: ClassVar = (
+        "--channels 7 --spread 120deg",
+        "--offset=-1.2mm --end-bore 1mm",
+        "--part full --cell-size 4mm",
+    )
+
+    def check(self) -> None:
+        check_seminar(self)
+
+    @property
+    def dimension(self) -> int:
+        return 3
+
+    @property
+    def mesh_order(self) -> int:
+        return self.order
+
+    @property
+    def copies(self) -> int:
+        return 2 if self.part == "half" else 1
+
+    @property
+    def size(self) -> float:
+        return self.thickness
+
+    @property
+    def cut_planes(self) -> tuple[CutPlane, ...]:
+        return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.part == "half" else ()
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        held = (Hold("tip", self.lift),) if self.tip == "held" else ()
+        return (Hold("support", None), *held)
+
+    @property
+    def probes(self) -> dict[str, Vector]:
+        half = 0.5 * self.thickness
+        return {"tip": (self.length, 0.0, half), "tip_below": (self.length, 0.0, -half)}
+
+    @property
+    def blocked(self) -> str | None:
+        return "tip" if self.tip == "held" else None
+
+    def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
+        """How the slab is bent, from where its tip is; see `Actuator.device_figures`.
+
+        The tip is the middle of its edge. ``lift_angle_deg`` is the angle of the line from the base's middle to it,
+        ``curvature_per_m`` (1/m) that of the circle through it which leaves the base along x.
+        """
+        x, _, z = 0.5 * (np.asarray(places["tip"]) + np.asarray(places["tip_below"]))
+        return {
+            "tip_x_mm": x * 1e3,
+            "tip_z_mm": z * 1e3,
+            "lift_angle_deg": math.degrees(math.atan2(z, x)),
+            "curvature_per_m": 2.0 * z / (x * x + z * z),
+        }
+
+    @property
+    def cavity_volume(self) -> float:
+        return 2.0 * outline_area(self) * self.thickness - self.solid_volume
+
+    @property
+    def solid_volume(self) -> float:
+        """Volume in m3 of the whole slab without its channels, measured by the CAD kernel."""
+        from geometries.seminar_shape import measured_volume
+
+        return 2.0 * measured_volume(self)
+
+    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which points lie on the top face's line in the mirror plane, from the base to the tip."""
+        points = np.asarray(points, dtype=float)
+        near = 1e-9 * self.length
+        return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)
+
+    def build(self) -> None:
+        from geometries.seminar_shape import build_slab
+
+        build_slab(self)

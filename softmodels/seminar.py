@@ -1,0 +1,19 @@
+"""``python -m softmodels.seminar``: the slab with air channels of the thesis' second half, inflated."""
+
+from geometries import SeminarActuator
+from softmodels.commandline import device_command, main
+
+command = device_command(
+    SeminarActuator,
+    "softmodels.seminar",
+    pressures="0:177",
+    default="ecoflex-00-30",
+    examples=(
+        "--pressure-cm 0,70,130,177 --thickness 9mm",
+        "--pressure-cm 0:100 --channels 7 --spread 120deg --material dragon-skin-10-medium",
+        "--pressure-cm 0:177 --tip held",
+    ),
+)
+
+if __name__ == "__main__":
+    main(command)

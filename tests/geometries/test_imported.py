@@ -1,0 +1,127 @@
+"""Parts from STEP files: written by Gmsh's own kernel here, and by CadQuery where it is installed."""
+
+from __future__ import annotations
+
+import math
+
+import gmsh
+import numpy as np
+import pytest
+
+from geometries import GeometryError, ImportedActuator
+from geometries.meshing import private_model, summarize
+from geometries.options import from_table, to_table
+
+CAVITIES = ("at 10, 0, 3 mm", "at 20, 0, 6 mm")
+CHOICES = {"cavities": CAVITIES, "support": "x = 0 mm", "planes": ("y = 0 mm",), "cell_size": 0.004}
+ROUND, FLAT = math.pi * 2e-3**2 * 8e-3, 8e-3 * 8e-3 * 2e-3
+"""Volumes of the whole part's two cavities in m3: a round hole and a flat one."""
+
+
+def write_step(path, unit):
+    """Half a block of 30 x 20 x 10 mm at y > 0 with a round and a flat cavity, both cut by y = 0."""
+    scale = {"MM": 1.0, "M": 1e-3, "INCH": 1 / 25.4}[unit]
+    with private_model():
+        gmsh.option.setString("Geometry.OCCTargetUnit", unit)
+        occ = gmsh.model.occ
+        block = occ.addBox(0, 0, 0, 30 * scale, 20 * scale, 10 * scale)
+        hole = occ.addCylinder(5 * scale, 0, 3 * scale, 8 * scale, 0, 0, 2 * scale)
+        flat = occ.addBox(18 * scale, -4 * scale, 5 * scale, 8 * scale, 8 * scale, 2 * scale)
+        occ.cut([(3, block)], [(3, hole), (3, flat)])
+        occ.synchronize()
+        gmsh.write(str(path))
+        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    return path
+
+
+@pytest.fixture(scope="module")
+def step(tmp_path_factory):
+    return str(write_step(tmp_path_factory.mktemp("part") / "part.step", "MM"))
+
+
+def test_volumes_and_roles(step, tmp_path):
+    part = ImportedActuator(file=step, **CHOICES)
+    assert part.copies == 2 and part.ratios == (1.0, 1.0)
+    assert part.cavity_volume == pytest.approx(ROUND + FLAT, rel=1e-4)
+    assert part.solid_volume == pytest.approx(30e-3 * 40e-3 * 10e-3 - ROUND - FLAT, rel=1e-9)
+    assert part.cut_planes[0].normal == (0.0, -1.0, 0.0)
+    mesh = part.write(tmp_path / "part.msh")
+    found = summarize(mesh)
+    assert found.quality > 0 and found.measure * part.copies == pytest.approx(part.solid_volume, rel=1e-4)
+    with private_model():
+        gmsh.merge(str(mesh))
+        names = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
+        assert set(names) == {"solid", "cavity", "cavity2", "support", "plane0", "outer"}
+        nodes = {
+            name: gmsh.model.mesh.getNodesForPhysicalGroup(*group)[1].reshape(-1, 3) for name, group in names.items()
+        }
+    assert np.abs(nodes["support"][:, 0]).max() < 1e-9 and np.abs(nodes["plane0"][:, 1]).max() < 1e-9
+    assert nodes["cavity"][:, 0].max() < 0.014 < 0.017 < nodes["cavity2"][:, 0].min()
+    assert np.linalg.norm(nodes["solid"] - part.probes["tip"], axis=1).min() < 1e-9
+
+
+def test_ratios_weigh_the_volumes(step):
+    part = ImportedActuator(file=step, pressure_ratios=(1.0, 0.5), **CHOICES)
+    assert part.cavity_volume == pytest.approx(ROUND + 0.5 * FLAT, rel=1e-4)
+
+
+@pytest.mark.parametrize("unit", ["M", "INCH"])
+def test_the_files_unit_counts(unit, step, tmp_path):
+    millimetres, other = (
+        ImportedActuator(file=str(file), **CHOICES) for file in (step, write_step(tmp_path / "part.step", unit))
+    )
+    assert other.solid_volume == pytest.approx(millimetres.solid_volume, rel=1e-9)
+
+
+def test_table_gives_the_same_part_back(step):
+    part = ImportedActuator(file=step, pressure_ratios=(1.0, 0.5), gauge_point="at 30, 0, 10 mm", **CHOICES)
+    assert from_table(to_table(part)) == part
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"file": "missing.step"}, "cannot be read"),
+        ({"cavities": ()}, "cavities is empty"),
+        ({"cavities": ("at 10, 0, 3",)}, "write a point as"),
+        ({"cavities": ("at 2, 2, 2 mm",)}, "lies in the solid"),
+        ({"cavities": ("at 100, 2, 2 mm",)}, "outside the part"),
+        ({"cavities": ("at 10, 0, 3 mm", "at 11, 0, 3 mm")}, "another point already"),
+        ({"support": "x = 1 mm"}, "no such face"),
+        ({"support": "left"}, "write 'x = 0 mm'"),
+        ({"support": "in 3..1, 0..1, 0..1 mm"}, "lower end"),
+        ({"planes": ("y = 1 mm",)}, "go through the origin"),
+        ({"planes": ()}, "outside the part"),  # the cavities are open at y = 0 then
+        ({"pressure_ratios": (1.0,)}, "1 values for 2 cavities"),
+        ({"pressure_ratios": (1.0, -1.0)}, "0 or more"),
+        ({"gauge_point": "at 15, 0, 10 mm"}, "must be a corner"),
+    ],
+)
+def test_impossible_choices_are_refused(changes, words, step):
+    with pytest.raises(GeometryError, match=words):
+        ImportedActuator(**{"file": step, **CHOICES, **changes})
+
+
+def test_no_step_file(tmp_path):
+    file = tmp_path / "part.step"
+    file.write_text("solid nonsense")
+    with pytest.raises(GeometryError, match="cannot be read as STEP"):
+        ImportedActuator(file=str(file), **CHOICES)
+
+
+def test_faces_in_a_box(step):
+    by_plane = ImportedActuator(file=step, **CHOICES)
+    by_box = ImportedActuator(file=step, **{**CHOICES, "support": "in 0..0.1, 0..21, -1..11 mm"})
+    assert by_box.reading == by_plane.reading
+
+
+def test_a_file_of_another_kernel(tmp_path):
+    cadquery = pytest.importorskip("cadquery", reason="CadQuery is not installed (uv run --with cadquery pytest ...)")
+    block = cadquery.Workplane().box(30, 20, 10, centered=(False, True, False))
+    hole = cadquery.Workplane("YZ", origin=(5, 0, 3)).circle(2).extrude(8)
+    flat = cadquery.Workplane().box(8, 8, 2, centered=(False, True, False)).translate((18, 0, 5))
+    cadquery.exporters.export(block.cut(hole).cut(flat), str(tmp_path / "part.step"))
+    part = ImportedActuator(file=str(tmp_path / "part.step"), cavities=CAVITIES, support="x = 0 mm", cell_size=0.004)
+    assert part.cavity_volume == pytest.approx(ROUND + FLAT, rel=1e-4) and part.copies == 1
+    assert part.solid_volume == pytest.approx(30e-3 * 20e-3 * 10e-3 - ROUND - FLAT, rel=1e-9)
+    assert summarize(part.write(tmp_path / "part.msh")).quality > 0

@@ -1,0 +1,180 @@
+"""The seminar actuator: what can be built, what is refused by name, and whether the mesh is the shape."""
+
+from __future__ import annotations
+
+import math
+
+import gmsh
+import numpy as np
+import pytest
+
+from geometries import GeometryError, SeminarActuator
+from geometries.meshing import private_model, summarize
+from geometries.options import from_table, to_table
+from geometries.seminar_plan import angles, channel, edge_distance, outline_area
+
+COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory):
+    """Return a function that meshes a slab once: its file."""
+    folder = tmp_path_factory.mktemp("seminar")
+    known = {}
+
+    def make(**changes):
+        slab = SeminarActuator(**{**COARSE, **changes})
+        if slab not in known:
+            known[slab] = slab.write(folder / f"{slab.name}.msh")
+        return slab, known[slab]
+
+    return make
+
+
+def groups(path):
+    """Nodes' places (m) by physical group."""
+    found = {}
+    with private_model():
+        gmsh.merge(str(path))
+        for dimension, tag in gmsh.model.getPhysicalGroups():
+            _, places = gmsh.model.mesh.getNodesForPhysicalGroup(dimension, tag)
+            found[gmsh.model.getPhysicalName(dimension, tag)] = places.reshape(-1, 3)
+    return found
+
+
+def test_default_is_a_believable_piece():
+    slab = SeminarActuator()
+    assert (slab.length, slab.base_width, slab.thickness) == (0.070, 0.060, 0.008)
+    assert 0.2e-6 < slab.cavity_volume < 1e-6
+    # A cone, its caps and the arc lie within a tenth of the network's volume, junctions counted twice.
+    cones = sum(
+        math.pi / 3 * (line.end - line.start) * (line.bore**2 + line.bore * (r := line.radius(line.end)) + r**2)
+        + 2 / 3 * math.pi * line.cap**3
+        for angle in angles(slab)
+        if (line := channel(slab, angle))
+    )
+    arc = math.pi * slab.manifold_bore**2 * slab.manifold_radius * math.radians(slab.spread)
+    caps = 4 / 3 * math.pi * slab.manifold_bore**3
+    assert slab.cavity_volume == pytest.approx(cones + arc + caps, rel=0.1)
+    assert slab.cavity_volume < cones + arc + caps
+
+
+def test_one_channel_has_its_volume_in_closed_form():
+    """A channel so deep in the manifold's shadow that what both share is small and known to bounds."""
+    slab = SeminarActuator(channels=1, spread=40.0, channel_bore=0.0003, end_bore=0.0003)
+    line = channel(slab, 0.0)
+    bore = slab.manifold_bore
+    straight = math.pi * line.bore**2
+    arc = math.pi * bore**2 * slab.manifold_radius * math.radians(slab.spread) + 4 / 3 * math.pi * bore**3
+    outside = straight * (line.end - line.start - bore) + 2 / 3 * math.pi * line.cap**3
+    # The manifold's wall is curved: the channel leaves it up to bore - sqrt(bore^2 - r^2) earlier.
+    most = straight * (bore - math.sqrt(bore**2 - line.bore**2))
+    assert arc + outside - 1e-3 * most < slab.cavity_volume < arc + outside + most
+
+
+def test_cap_continues_the_cone_without_a_corner():
+    for changes in ({}, {"channel_bore": 0.0008, "end_bore": 0.0005}, {"end_bore": 0.0015}):
+        slab = SeminarActuator(**changes)
+        line = channel(slab, 0.0)
+        radius = line.radius(line.end)
+        assert math.hypot(line.end - line.centre, radius) == pytest.approx(line.cap, rel=1e-12)
+        assert (line.end - line.centre) == pytest.approx(-line.slope * radius, rel=1e-9, abs=1e-15)  # tangent
+
+
+def test_ends_keep_their_distance_from_the_sides():
+    slab = SeminarActuator()
+    for angle in angles(slab):
+        line = channel(slab, angle)
+        place = line.centre * math.cos(angle), line.centre * math.sin(angle)
+        assert edge_distance(slab, *place) == pytest.approx(slab.edge + slab.end_bore, rel=1e-9)
+
+
+@pytest.mark.parametrize("tip_radius", [0.0, 0.004, 0.012])
+def test_outline(tip_radius):
+    """Area by counting points, distance to the sides against the nearest of many points on the outline."""
+    slab = SeminarActuator(tip_radius=tip_radius, channels=1)
+    x, y = np.meshgrid(np.linspace(0, slab.length, 801), np.linspace(0, slab.base_width / 2, 401), indexing="ij")
+    inside = np.vectorize(lambda a, b: edge_distance(slab, a, b) > 0)(x, y)
+    cell = slab.length / 800 * slab.base_width / 800
+    assert inside.sum() * cell == pytest.approx(outline_area(slab), rel=5e-3)
+    assert edge_distance(slab, slab.length, 0.0) == pytest.approx(0.0, abs=1e-12)
+    assert edge_distance(slab, 0.0, slab.base_width / 2) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_mesh_is_the_shape(mesh):
+    slab, path = mesh()
+    found = summarize(path)
+    assert found.quality > 0.05  # no cell is turned inside out, curved edges counted
+    assert found.measure * slab.copies == pytest.approx(slab.solid_volume, rel=1e-4)
+    lost = 2 * outline_area(slab) * slab.thickness - found.measure * slab.copies
+    assert lost == pytest.approx(slab.cavity_volume, rel=1e-2)
+
+
+def test_roles_lie_where_they_should(mesh):
+    slab, path = mesh()
+    found, near, half = groups(path), 1e-9, slab.thickness / 2
+    assert set(found) == {"solid", "cavity", "support", "top", "bottom", "tip", "outer", "plane0"}
+    assert np.abs(found["support"][:, 0]).max() < near and np.abs(found["plane0"][:, 1]).max() < near
+    assert np.abs(found["top"][:, 2] - half).max() < near and np.abs(found["bottom"][:, 2] + half).max() < near
+    radius = np.hypot(found["tip"][:, 0] - slab.length + slab.tip_radius, found["tip"][:, 1])
+    assert np.abs(radius - slab.tip_radius).max() < 1e-7  # second-order edges on an arc
+    x, y, z = found["cavity"].T
+    assert np.abs(z - slab.offset).max() < slab.end_bore + near
+    assert min(edge_distance(slab, a, b) for a, b in zip(x, y, strict=True)) > slab.edge - 1e-6
+    for place in slab.probes.values():
+        assert np.linalg.norm(found["solid"] - place, axis=1).min() < near
+
+
+def test_full_slab_is_two_halves(mesh):
+    half, _ = mesh()
+    full, path = mesh(part="full")
+    assert full.solid_volume == pytest.approx(half.solid_volume, rel=1e-12) and full.copies == 1
+    assert summarize(path).measure == pytest.approx(full.solid_volume, rel=3e-4)
+    found = groups(path)
+    assert "plane0" not in found
+    assert found["cavity"][:, 1].min() == pytest.approx(-found["cavity"][:, 1].max(), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"end_bore": 0.0035}, ("end_bore is 3.5 mm", "breaks through the bottom face")),
+        ({"offset": 0.0028}, ("manifold_bore", "leaves 0.3 mm to the top face")),
+        ({"manifold_bore": 0.0031}, ("manifold_bore is 3.1 mm", "breaks through the bottom")),
+        ({"channels": 12, "spread": 60.0}, ("channels is 12", "break into each other")),
+        ({"spread": 159.0, "manifold_radius": 0.006}, ("spread 159 deg", "to the base")),
+        ({"manifold_radius": 0.024}, ("manifold_radius is 24 mm",)),
+        ({"manifold_radius": 0.0015}, ("manifold_radius is 1.5 mm", "twice manifold_bore")),
+        ({"edge": 0.030}, ("edge 30 mm", "no length is left")),
+        ({"edge": 0.0001}, ("edge is 0.1 mm", "least_wall")),
+        ({"channel_bore": 0.00088}, ("channel_bore is 0.88 mm", "0.9 times manifold_bore")),
+        ({"thickness": 0.060}, ("thickness is 60 mm",)),
+        ({"tip_radius": 0.030}, ("tip_radius is 30 mm",)),
+        ({"tip": "held", "tip_radius": 0.0}, ("tip is 'held'",)),
+        ({"length": 2.0}, ("mistaken unit",)),
+        ({"around": 200.0}, ("around is 200",)),
+        ({"cell_size": 0.02}, ("cell_size is 20 mm",)),
+        ({"channels": 13}, ("channels is 13",)),
+        ({"spread": 1.0}, ("spread is 1 deg",)),
+        ({"offset": math.nan}, ("offset",)),
+    ],
+)
+def test_impossible_slabs_are_refused_by_name(changes, words):
+    with pytest.raises(GeometryError) as refused:
+        SeminarActuator(**changes)
+    assert all(word in str(refused.value) for word in words), refused.value
+
+
+def test_table_gives_the_same_device_back():
+    slab = SeminarActuator(offset=0.0007, channels=4, part="full")
+    assert from_table(to_table(slab)) == slab
+
+
+def test_figures_of_a_bent_slab():
+    """A slab bent to a circle has the circle's curvature, and half its angle as lift angle."""
+    slab = SeminarActuator()
+    radius, angle = 0.080, slab.length / 0.080
+    place = radius * math.sin(angle), 0.0, radius * (1 - math.cos(angle))
+    figures = slab.device_figures({"tip": place, "tip_below": place})
+    assert figures["curvature_per_m"] == pytest.approx(1 / radius, rel=1e-12)
+    assert figures["lift_angle_deg"] == pytest.approx(math.degrees(angle / 2), rel=1e-12)

@@ -1,0 +1,105 @@
+"""Twenty photographs whose truth is known: how far the outlines lie off, and whether their stated errors are true."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from measurement.camera import Camera
+from measurement.grid import find_grid
+from measurement.photo import outline_of, zero_of
+from measurement.setup import Setup
+from measurement.synthetic import Scene, dome, dome_height, photograph, truth_of
+from measurement.tracing import trace_image
+
+SEEDS = range(20)
+RADIUS = 10e-3
+LENS = (-0.12, 0.05, 4e-4, -3e-4, 0.0)
+
+
+def bench(seed):
+    """Scene, height and floor of a bench: 10 um per pixel, up to 40 degrees oblique, light and camera as they come."""
+    rng = np.random.default_rng(seed)
+    oblique = np.radians(rng.uniform(0.0, 40.0))
+    towards = rng.uniform(0.0, 2.0 * np.pi)
+    scene = Scene(
+        width=3000, height=1900, focal_px=8000.0, pixel_size=10e-6, distortion=LENS if seed % 2 else (),
+        # Two angles whose screen normal stands `oblique` away from the optical axis.
+        tilt=np.degrees(np.arcsin(np.sin(oblique) * np.sin(towards))),
+        pan=np.degrees(np.arctan(np.tan(oblique) * np.cos(towards))),
+        roll=rng.uniform(-5.0, 5.0), target=(rng.uniform(-1e-3, 1e-3), rng.uniform(0.0, 2e-3)),
+        grid_pitch=float(rng.choice([3e-3, 4.5e-3])), line_width=rng.uniform(0.25e-3, 0.5e-3),
+        line_grey=rng.uniform(0.15, 0.45), brightness=rng.uniform(150.0, 235.0), unevenness=rng.uniform(0.0, 0.3),
+        ambient=rng.uniform(0.05, 0.25), penumbra=rng.uniform(30e-6, 90e-6), blur=rng.uniform(0.8, 2.0),
+        noise=rng.uniform(1.0, 4.0), dust=int(rng.integers(0, 15)), jpeg_quality=int(rng.integers(85, 98)),
+        srgb=bool(rng.integers(0, 2)),
+    )  # fmt: skip
+    return scene, rng.uniform(1e-3, 9e-3), rng.uniform(-5.0e-3, -3.8e-3)
+
+
+def measured(seed):
+    """The outline of one bench, and its true heights at the same places."""
+    scene, height, floor = bench(seed)
+    truth = truth_of(scene)
+    camera = Camera(truth.matrix, scene.distortion, scene.width, scene.height, "known", 0.0) if scene.distortion else (
+        Camera.ideal(scene.width, scene.height, scene.focal_px)
+    )  # fmt: skip
+    found = find_grid(photograph(scene, None, 3 * seed)[0], camera, scene.grid_pitch)
+    setup = Setup(camera, found.plane(camera), grid_pitch=scene.grid_pitch)
+    flat = photograph(scene, dome(0.0, RADIUS, floor=floor), 3 * seed + 1)[0]
+    raised = photograph(scene, dome(height, RADIUS, floor=floor), 3 * seed + 2)[0]
+    traced = trace_image(raised, setup)
+    zero = zero_of(trace_image(flat, setup, likely=traced.tone), setup)
+    outline = outline_of(traced, setup, zero, 1000.0, 10.0, f"seed {seed}")
+    # The grid that was found counts from a crossing of its own.
+    origin = truth.to_metres(setup.to_pixels([[0.0, 0.0]]))[0]
+    crossing = np.rint(origin / scene.grid_pitch) * scene.grid_pitch
+    assert np.abs(origin - crossing).max() < 20e-6
+    x = outline.x + crossing[0]
+    return outline, height, dome_height(x, height, RADIUS), np.gradient(dome_height(x, height, RADIUS), x)
+
+
+@pytest.fixture(scope="module")
+def benches():
+    return [measured(seed) for seed in SEEDS]
+
+
+def across(outline, truth, slope):
+    """Distances from the true outline, square to it, in m."""
+    return (outline.z - truth) / np.sqrt(1.0 + slope**2)
+
+
+def test_outlines_are_trusted_and_within_25_um(benches):
+    for outline, _, truth, slope in benches:
+        assert outline.trusted, outline.reasons
+        assert np.sqrt(np.mean(across(outline, truth, slope) ** 2)) < 25e-6, outline.source
+
+
+def test_apexes_are_within_15_um(benches):
+    for outline, height, _, _ in benches:
+        assert outline.height == pytest.approx(height, abs=15e-6), outline.source
+
+
+def test_stated_errors_are_true(benches):
+    standardised = [across(outline, truth, slope) / outline.error for outline, _, truth, slope in benches]
+    variance = np.mean([np.mean(values**2) for values in standardised])
+    assert 0.6 < variance < 1.5
+    apex = np.array([(outline.height - height) / outline.height_error for outline, height, _, _ in benches])
+    assert np.mean(apex**2) < 2.0 and np.abs(apex).max() < 4.0
+
+
+def _print_figures():
+    """The table of all benches, for ``python tests/measurement/test_accuracy.py``."""
+    for number in SEEDS:
+        outline, height, truth, slope = measured(number)
+        rest = across(outline, truth, slope)
+        print(
+            f"{number:2d} {1e3 * height:5.2f} mm  rms {1e6 * np.sqrt(np.mean(rest**2)):5.2f} um  apex "
+            f"{1e6 * (outline.height - height):+6.2f} +- {1e6 * outline.height_error:4.2f} um  standardised "
+            f"{np.mean((rest / outline.error) ** 2):5.2f}  {'; '.join(outline.reasons)}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    _print_figures()

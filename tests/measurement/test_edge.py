@@ -1,0 +1,92 @@
+"""Edges at known places: straight and curved, with noise, ink and dust; and whether their stated errors are true."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from measurement.edge import coarse_contour, refine_edge
+from measurement.pixels import TONES, Unmeasurable
+from measurement.shadow import find_shadow
+
+ROWS, COLUMNS = np.indices((240, 320)).astype(float)
+LINEAR = TONES["linear"]
+CENTRE, RADIUS = np.array([160.3, 420.7]), 300.0
+
+
+def straight(points, slope=0.11, place=131.37):
+    """Distance in px above a line."""
+    return (place + slope * points[..., 0] - points[..., 1]) / np.hypot(1.0, slope)
+
+
+def curved(points):
+    """Distance in px outside of a circle."""
+    return np.linalg.norm(points - CENTRE, axis=-1) - RADIUS
+
+
+def picture(distance, width=2.5, noise=2.0, seed=0, ink=None):
+    """Light that falls as an error function over the edge, on a screen whose light falls off, stored in proportion."""
+    far = distance(np.stack([COLUMNS, ROWS], axis=-1))
+    light = 40.0 + (170.0 - 0.1 * COLUMNS) * ndtr(far / width)
+    light = light if ink is None else light * ink
+    noisy = light[..., None] * [1.0, 0.98, 0.93] + np.random.default_rng(seed).normal(0.0, noise, (*light.shape, 3))
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def found(image, through=None):
+    coarse = find_shadow(LINEAR[image])
+    contour = coarse_contour(coarse.mask, coarse.share, 1.0, (0, 0))
+    return refine_edge(image, contour, coarse.colour, through, 1.0, LINEAR)
+
+
+@pytest.mark.parametrize("distance", [straight, curved])
+@pytest.mark.parametrize("width", [1.2, 4.0])
+def test_edges_lie_where_they_should_and_errors_are_true(distance, width):
+    missed, standard = [], []
+    for seed in range(6):
+        edge = found(picture(distance, width, seed=seed))
+        off = distance(edge.px)
+        missed.append(off.mean())
+        standard.append(np.mean((off / edge.error) ** 2))
+        assert len(edge.px) > 80
+        assert np.median(edge.width) == pytest.approx(width, rel=0.1)
+    assert abs(np.mean(missed)) < 0.02
+    assert 0.7 < np.mean(standard) < 1.4
+
+
+def test_normals_point_from_shadow_to_light():
+    edge = found(picture(curved))
+    out = edge.px - CENTRE
+    assert np.all(np.einsum("ni,ni->n", edge.normal, out) > 0.98 * np.linalg.norm(out, axis=1))
+
+
+def test_ink_and_dust_do_not_pull_the_edge():
+    ink = 1.0 - 0.4 * np.exp(-(((COLUMNS - 100.0) / 3.0) ** 2))
+    image = picture(straight, ink=ink)
+    image[100:210, 200:204] = 20  # a hair across the edge
+
+    def through(points):
+        return 1.0 - 0.4 * np.exp(-(((points[..., 0] - 100.0) / 3.0) ** 2))
+
+    edge = found(image, through)
+    off = straight(edge.px)
+    on_line = np.abs(edge.px[:, 0] - 100.0) < 6.0
+    assert np.abs(off[on_line]).max() < 0.15
+    away = np.abs(edge.px[:, 0] - 202.0) > 12.0
+    assert np.sqrt(np.mean(off[away] ** 2)) < 0.1
+
+
+def test_shapes_that_no_penumbra_has_show_in_the_misfit():
+    right = found(picture(straight, 4.0, noise=1.0))
+    image = np.uint8(np.rint(255.0 * (picture(straight, 4.0, noise=1.0) / 255.0) ** (1 / 2.2)))
+    assert found(image).shape_misfit > 4.0 * right.shape_misfit
+
+
+def test_edges_that_are_none():
+    with pytest.raises(Unmeasurable, match="no shadow"):
+        coarse_contour(np.zeros((50, 50), bool), np.ones((50, 50)), 1.0, (0, 0))
+    image = picture(straight)
+    colour = find_shadow(LINEAR[image]).colour
+    with pytest.raises(Unmeasurable, match="too small"):
+        refine_edge(image, np.array([[10.0, 10.0], [11.0, 10.0], [12.0, 10.0]]), colour, None, 1.0, LINEAR)

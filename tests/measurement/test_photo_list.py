@@ -1,0 +1,94 @@
+"""The list of photographs: typed units, files by number, and rows that cannot be read."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+
+from measurement.__main__ import main
+from measurement.photo_list import PhotoListError, read_photos
+
+
+def listed(folder, text, encoding="utf-8"):
+    path = folder / "photos.csv"
+    path.write_text(text, encoding=encoding)
+    return read_photos(path)
+
+
+def test_pressures_and_errors(tmp_path):
+    photos = listed(
+        tmp_path, "# column of the bench\n\nfile,pressure,error\na.jpg,0 cm,\nb.jpg,1.2 kPa,5 Pa\nc.jpg,10 cm,1 mm\n"
+    )
+    assert [photo.file.name for photo in photos] == ["a.jpg", "b.jpg", "c.jpg"]
+    assert photos[0].is_zero and not photos[1].is_zero
+    assert (photos[1].pressure, photos[1].pressure_error) == (1200.0, 5.0)
+    assert photos[2].pressure == pytest.approx(0.1 * 970.0 * 9.80665)
+    assert all(photo.file.parent == tmp_path for photo in photos)
+
+
+def test_both_tubes_semicolons_capitals_and_a_byte_order_mark(tmp_path):
+    photos = listed(tmp_path, "File; Left; Right\na.jpg; 31.2 cm; 18.7 cm\n", "utf-8-sig")
+    assert photos[0].pressure == pytest.approx(0.125 * 970.0 * 9.80665)
+
+
+def test_files_by_number_and_in_other_letters(tmp_path):
+    for name in ("IMG_5965.JPG", "IMG_5966.JPG", "notes5967.txt"):
+        (tmp_path / name).touch()
+    photos = listed(tmp_path, "file,pressure\n5965,0 cm\nimg_5966.jpg,1 cm\n5967,2 cm\n")
+    assert [photo.file.name for photo in photos] == ["IMG_5965.JPG", "IMG_5966.JPG", "5967"]
+    (tmp_path / "DSC5965.jpg").touch()
+    with pytest.raises(PhotoListError, match=r"line 2: 5965 fits several files: DSC5965.jpg, IMG_5965.JPG"):
+        listed(tmp_path, "file,pressure\n5965,0 cm\n")
+
+
+BROKEN = {
+    "": "is empty",
+    "# nothing\n": "is empty",
+    "file,pressure\n": "no rows",
+    "name,pressure\na.jpg,1 cm\n": "column 'name' is not known",
+    "pressure\n1 cm\n": "no column 'file'",
+    "file\na.jpg\n": "either a column 'pressure'",
+    "file,pressure,left,right\na.jpg,1 cm,1 cm,1 cm\n": "either a column 'pressure'",
+    "file,left\na.jpg,1 cm\n": "one tube only",
+    "file,pressure,pressure\na.jpg,1 cm,1 cm\n": "twice",
+    "file,pressure\na.jpg,1\n": "line 2: '1' has no unit",
+    "file,pressure\na.jpg,much\n": "line 2: 'much' is no column of water",
+    "file,pressure\na.jpg\n": "line 2: 1 values in the row",
+    "file,pressure\na.jpg,1 cm\n,2 cm\n": "line 3: the row names no file",
+    "file,pressure\na.jpg,1 cm\na.jpg,2 cm\n": "line 3: a.jpg stands in the list twice",
+    "file,pressure,error\na.jpg,1 cm,-1 mm\n": "line 2: the error '-1 mm' is negative",
+    "file,left,right\na.jpg,1 kPa,1 cm\n": "line 2: '1 kPa' is not the level",
+}
+
+
+@pytest.mark.parametrize("text", BROKEN, ids=range(len(BROKEN)))
+def test_broken_lists_are_bad_input_said_in_a_sentence(tmp_path, text):
+    with pytest.raises(PhotoListError, match=BROKEN[text]):
+        listed(tmp_path, text)
+    done = CliRunner().invoke(main, ["photos", str(tmp_path / "photos.csv"), "-o", str(tmp_path / "out")])
+    assert done.exit_code == 2
+    assert done.stderr.startswith("Error: ") and "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_lists_that_cannot_be_read(tmp_path):
+    (tmp_path / "photos.csv").write_bytes(b"\xff\xfe\x00")
+    for path in (tmp_path / "photos.csv", tmp_path / "none.csv", tmp_path):
+        with pytest.raises(PhotoListError, match="cannot be read"):
+            read_photos(path)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--water-density", "970"], "has no unit"),
+        (["--water-density", "-1 kg/m^3"], "must be positive"),
+        (["--reading-error", "-1 mm"], "must not be negative"),
+        (["--setup", "none.toml"], "setup none.toml cannot be read"),
+    ],
+)
+def test_bad_options_are_bad_input(tmp_path, words, reason):
+    (tmp_path / "photos.csv").write_text("file,pressure\na.jpg,0 cm\n")
+    done = CliRunner().invoke(main, ["photos", str(tmp_path / "photos.csv"), *words])
+    assert done.exit_code == 2
+    assert reason in done.stderr

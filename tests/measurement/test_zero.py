@@ -1,0 +1,65 @@
+"""The zero plane: known lines with noise, dust and sides, and surfaces that are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from measurement.pixels import Unmeasurable
+from measurement.zero import ZeroLine
+
+SLOPE = np.radians(7.0)
+WAY, UP = np.array([np.cos(SLOPE), np.sin(SLOPE)]), np.array([-np.sin(SLOPE), np.cos(SLOPE)])
+ALONG = np.linspace(-0.02, 0.02, 400)
+
+
+def surface(height=0.0, noise=2e-6, seed=0):
+    """Points, normals and errors of an upper side 3 mm above the origin."""
+    off = height + noise * np.random.default_rng(seed).normal(size=len(ALONG))
+    return ALONG[:, None] * WAY + (0.003 + off)[:, None] * UP, np.tile(UP, (len(ALONG), 1)), np.full(len(ALONG), 2e-6)
+
+
+def test_a_known_line_with_dust_and_sides():
+    points, normals, errors = surface()
+    points[100:110] += 3e-4 * UP
+    normals[:40] = -WAY  # the body's side
+    points[:40] -= np.linspace(5e-3, 0.0, 40)[:, None] * UP
+    line = ZeroLine.fit(points, normals, errors)
+    assert np.degrees(np.arctan2(*line.direction[::-1])) == pytest.approx(7.0, abs=2e-3)
+    placed = line.place(np.array([0.004 * UP + 0.01 * WAY]))[0]
+    assert placed == pytest.approx([0.01, 0.001], abs=1e-6)
+    assert line.extent == pytest.approx((ALONG[40], ALONG[-1]), abs=1e-6)
+
+
+def test_stated_errors_are_true():
+    misses = []
+    for seed in range(60):
+        points, normals, errors = surface(seed=seed)
+        # Stations that lie side by side err together, as dust and the skin make them.
+        points += np.repeat(3e-6 * np.random.default_rng(900 + seed).normal(size=40), 10)[:, None] * UP
+        line = ZeroLine.fit(points, normals, errors)
+        places = ALONG[::80]
+        off = line.place(places[:, None] * WAY + 0.003 * UP)[:, 1]
+        misses.append(off / line.error_at(places))
+    assert 0.4 < np.mean(np.square(misses)) < 1.4
+
+
+def test_through_two_points_in_any_order():
+    ends = np.array([0.01 * WAY + 0.003 * UP, -0.01 * WAY + 0.003 * UP])
+    for points in (ends, ends[::-1]):
+        line = ZeroLine.through(points)
+        assert line.direction == pytest.approx(WAY)
+        assert line.place(np.array([0.005 * UP])) == pytest.approx(np.array([[0.0, 0.002]]))
+        assert np.all(line.error_at(ALONG) == 0.0)
+    with pytest.raises(ValueError, match="one and the same"):
+        ZeroLine.through(ends[[0, 0]])
+
+
+def test_surfaces_that_are_no_zero():
+    with pytest.raises(Unmeasurable, match="not straight"):
+        ZeroLine.fit(*surface(0.002 * np.clip(1.0 - (ALONG / 0.015) ** 2, 0.0, None)))
+    with pytest.raises(Unmeasurable, match="no level upper side"):
+        points, normals, errors = surface()
+        ZeroLine.fit(points, -normals, errors)
+    with pytest.raises(Unmeasurable, match="not straight"):
+        ZeroLine.fit(*surface(noise=1e-4))

@@ -1,0 +1,115 @@
+"""The seminar actuator's motion, on coarse meshes: what symmetry demands, and what the thesis saw on the bench."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from geometries import SeminarActuator
+from softmodels.fields import Fields
+from softmodels.silicones import SILICONES
+
+LAW = SILICONES["ecoflex-00-30"].material
+COARSE = {"channels": 2, "spread": 40.0, "around": 6.0, "cell_size": 0.006}
+PRESSURES = (3e3, 6e3, 9e3)
+
+
+@pytest.fixture(scope="module")
+def inflated(equilibrium, solved):
+    """Return a function that inflates a coarse slab through `PRESSURES`: its figures there."""
+    known = {}
+
+    def inflate(**changes):
+        slab = SeminarActuator(**COARSE, **changes)
+        if slab not in known:
+            equations = equilibrium(slab, LAW)
+            _, points, end = solved(equations, [P / equations.stress_unit for P in PRESSURES])
+            assert end is None
+            fields = Fields(equations)
+            known[slab] = [fields.figures(point.state) for point in points if point.requested]
+        return known[slab]
+
+    return inflate
+
+
+def lifts(figures):
+    return np.array([figure.device["tip_z_mm"] for figure in figures])
+
+
+def test_off_the_middle_it_lifts_away_from_the_channels(inflated):
+    assert np.all(lifts(inflated()) > 0) and SeminarActuator().offset < 0
+
+
+def test_channels_in_the_middle_lift_nothing(inflated):
+    """Nothing but the mesh tells top from bottom then."""
+    assert np.all(np.abs(lifts(inflated(offset=0.0))) < 0.01 * lifts(inflated()))
+
+
+def test_mirrored_channels_lift_the_other_way(inflated):
+    assert lifts(inflated(offset=0.001)) == pytest.approx(-lifts(inflated()), rel=0.01)
+
+
+def test_half_is_the_full_slab(inflated):
+    half, full = inflated(), inflated(part="full")
+    # Two meshes of their own: what is left is the error of these coarse ones.
+    assert lifts(full) == pytest.approx(lifts(half), rel=0.02)
+    volumes = [[figure.added_volume for figure in figures] for figures in (half, full)]
+    assert volumes[0] == pytest.approx(volumes[1], rel=0.01)
+    assert all(
+        figure.stored_energy == pytest.approx(other.stored_energy, rel=0.01)
+        for figure, other in zip(half, full, strict=True)
+    )
+
+
+def test_motion_grows_faster_than_the_pressure(inflated):
+    found = inflated()
+    for (P, before), (Q, after) in itertools.pairwise(zip(PRESSURES, found, strict=True)):
+        assert after.device["tip_z_mm"] / before.device["tip_z_mm"] > 1.1 * Q / P
+        assert after.added_volume / before.added_volume > 1.05 * Q / P
+
+
+def test_figures_tell_of_one_tip(inflated):
+    slab = SeminarActuator(**COARSE)
+    for figure in inflated():
+        x, z = figure.device["tip_x_mm"], figure.device["tip_z_mm"]
+        assert z == pytest.approx(500 * (figure.rises["tip"] + figure.rises["tip_below"]), rel=1e-12)
+        assert figure.device["lift_angle_deg"] == pytest.approx(np.degrees(np.arctan2(z, x)), rel=1e-12)
+        # The largest stretch is at the wall of a channel: within one cell of the channels' plane, inside the slab.
+        at = np.array(figure.max_stretch_at)
+        assert 0 < at[0] < slab.length and abs(at[2] - slab.offset) < 2 * slab.end_bore
+
+
+def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
+    from softmodels.equilibrium import Equilibrium
+    from softmodels.sheet import Sheet
+
+    plain = inflated()[-1]
+    equations = Equilibrium(body_of(SeminarActuator(**COARSE)), LAW, sheet=Sheet("bottom", 1000.0))
+    _, points, end = solved(equations, [PRESSURES[-1] / equations.stress_unit])
+    with_sheet = Fields(equations).figures(points[-1].state)
+    assert end is None
+    assert with_sheet.max_stretch < plain.max_stretch and with_sheet.added_volume < plain.added_volume
+    # A side that cannot grow long bends the slab towards itself: the motion turns round.
+    assert with_sheet.device["tip_z_mm"] < 0 < plain.device["tip_z_mm"]
+
+
+def test_held_tip_pushes(inflated, equilibrium):
+    """The blocked force is the slope of the energy against the hold: it grows with the pressure and pushes up."""
+    held = inflated(tip="held")
+    forces = np.array([figure.device["blocked_force_N"] for figure in held])
+    assert np.abs(lifts(held)).max() < 1e-9
+    assert np.all(forces > 0) and np.all(np.diff(forces) > 0)
+    # A free tip carries nothing.
+    slab = SeminarActuator(**COARSE)
+    equations = equilibrium(slab, LAW)
+    from softmodels.loading import Path, trace
+
+    *_, last = trace(Path(equations), [PRESSURES[-1] / equations.stress_unit])
+    equations.load(last.state)
+    unit = equations.stress_unit * equations.length_unit**2 * slab.copies
+    lift = int(np.argmax(equations.body.skew @ np.asarray(slab.lift)))
+    assert abs(equations.force("tip", lift) * unit) < 1e-6 * forces[-1]
+    # All that the clamp carries along z balances the pressure alone: a closed cavity pulls nothing.
+    assert abs(equations.force("support", lift) * unit) < 1e-6 * forces[-1]

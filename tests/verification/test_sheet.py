@@ -1,0 +1,108 @@
+"""A thin sheet bonded to the silicone, against closed forms.
+
+A neo-Hookean membrane of stiffness k = E t adds to the pressure in an incompressible shell what its own energy does over the
+volume enclosed. On a sphere's outer wall of radius B at stretch l that is 2 k / (3 B) (1/l - 1/l^7), on a long tube's
+k / (3 B) (1 - 1/l^4): derivatives of k / 6 (I1 + 1/J^2 - 3) with both or one of the directions stretched.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from softmodels.case import Case, CaseError
+from softmodels.equilibrium import Equilibrium
+from softmodels.fields import Fields
+from softmodels.homogeneous import sphere_pressure
+from softmodels.materials import MaterialError, NeoHookean
+from softmodels.sheet import Sheet
+
+LAW = NeoHookean(30e3, 0.5)
+STRETCHES = np.array([1.1, 1.3, 1.6])
+
+
+def sphere_sheet(stiffness, radius, stretch):
+    return 2 * stiffness / (3 * radius) * (1 / stretch - stretch**-7.0)
+
+
+def exact(shell, face, stiffness):
+    """Pressures in Pa at `STRETCHES` of the inner wall."""
+    radius = getattr(shell, "outer" if face == "outer" else "inner")
+    stretch = np.cbrt(1 + (STRETCHES**3 - 1) * (shell.inner / radius) ** 3)
+    return sphere_pressure(LAW, shell.inner, shell.outer, STRETCHES) + sphere_sheet(stiffness, radius, stretch)
+
+
+def found(solved, equations):
+    rest = equations.rest().V
+    _, points, end = solved(equations, [(s**3 - 1) * rest for s in STRETCHES], "volume", "volume")
+    assert end is None
+    return points, np.array([p.state.P for p in points if p.requested]) * equations.stress_unit
+
+
+@pytest.mark.parametrize("stiffness", [30.0, 3000.0])  # a tenth of the wall's own 3 mu t, and ten times it
+def test_sphere_in_a_sheet_axisymmetric(stiffness, bodies, body_of, solved):
+    shell = bodies.Sphere(through=4, along=12)
+    equations = Equilibrium(body_of(shell), LAW, sheet=Sheet("outer", stiffness))
+    _, pressures = found(solved, equations)
+    assert pressures == pytest.approx(exact(shell, "outer", stiffness), rel=2e-4)
+
+
+def test_sphere_in_a_sheet_octant(bodies, body_of, solved):
+    shell = bodies.Octant(cell_size=0.004)
+    equations = Equilibrium(body_of(shell), LAW, sheet=Sheet("outer", 300.0))
+    points, pressures = found(solved, equations)
+    assert pressures == pytest.approx(exact(shell, "outer", 300.0), rel=3e-3)
+    # The stored energy counts the sheet: the work of the pressure is all of it.
+    V, P = np.array([(p.state.V, p.state.P) for p in points]).T
+    slopes = np.array([p.tangent.P / p.tangent.V for p in points])
+    h = np.diff(V)
+    work = np.sum(h * (P[1:] + P[:-1]) / 2 - h**2 * np.diff(slopes) / 12)  # trapezia with their end slopes
+    equations.load(points[-1].state)
+    assert equations.stored_energy() == pytest.approx(work, rel=1e-3)
+
+
+def test_another_material_leaves_the_sheet_as_it_is(bodies, body_of, solved):
+    """Stresses inside are in shear moduli; the sheet's stiffness is not the silicone's."""
+    shell = bodies.Sphere(through=4, along=12)
+    equations = Equilibrium(body_of(shell), dataclasses.replace(LAW, shear_modulus=90e3), sheet=Sheet("outer", 3000.0))
+    equations.set_material(LAW)
+    _, pressures = found(solved, equations)
+    assert pressures == pytest.approx(exact(shell, "outer", 3000.0), rel=2e-4)
+
+
+def test_disk_with_a_sheet_rises_and_stretches_less(body_of, solved):
+    from geometries import HollowDisk
+
+    disk = HollowDisk(section="axisymmetric")
+    figures = {}
+    for stiffness in (None, 100.0, 1000.0, 10000.0):
+        equations = Equilibrium(body_of(disk), LAW, sheet=Sheet("top", stiffness) if stiffness else None)
+        _, points, end = solved(equations, [15e3 / equations.stress_unit])
+        assert end is None
+        figures[stiffness] = Fields(equations).figures(points[-1].state)
+    rises = [figure.rises["apex"] for figure in figures.values()]
+    stretches = [figure.max_stretch for figure in figures.values()]
+    assert all(np.diff(rises) < 0) and rises[-1] < 0.6 * rises[0]
+    assert all(np.diff(stretches) < 0)
+
+
+def test_case_keeps_its_sheet():
+    from geometries import HollowDisk
+
+    case = Case("disk", HollowDisk(), LAW, pressures_cm=(10.0,), sheet=Sheet("top", 51234.5))
+    assert Case.from_toml(case.to_toml()) == case and "stiffness" in case.to_toml()
+    with pytest.raises(CaseError, match="no face of HollowDisk"):
+        dataclasses.replace(case, sheet=Sheet("outer", 1e3))
+    for text, words in (
+        ('face = "top"', "both its face and its stiffness"),
+        ('face = "top"\nstiffness = "3 kPa"', "cannot be read in N/m"),
+        ('face = "top"\nstiffness = "1 N/m"\nthickness = 1', "unknown entry 'thickness'"),
+        ('face = "top"\nstiffness = "0 N/m"', "N/m are taken"),
+    ):
+        plain = dataclasses.replace(case, sheet=None).to_toml()
+        with pytest.raises(CaseError, match=words):
+            Case.from_toml(f"{plain}\n[sheet]\n{text}\n")
+    with pytest.raises(MaterialError):
+        Sheet("top", float("nan"))

@@ -1,0 +1,99 @@
+"""Two cavities under proportional pressures: one unknown P, and a sum of volumes that P works on."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+
+import gmsh
+import numpy as np
+import pytest
+
+from geometries import ImportedActuator
+from geometries.meshing import private_model
+from softmodels.case import Case
+from softmodels.equilibrium import Equilibrium
+from softmodels.fields import Fields
+from softmodels.materials import NeoHookean
+
+LAW = NeoHookean(30e3, 0.49)
+GOAL = 6e3
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory):
+    """A block of 24 x 10 x 10 mm with two like cavities, 2 mm below the top and 2 mm above the bottom."""
+    file = tmp_path_factory.mktemp("part") / "part.step"
+    with private_model():
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        occ = gmsh.model.occ
+        block = occ.addBox(0, -5, -5, 24, 10, 10)
+        holes = [occ.addBox(8, -3, z, 10, 6, 1.5) for z in (1.5, -3.0)]
+        occ.cut([(3, block)], [(3, hole) for hole in holes])
+        occ.synchronize()
+        gmsh.write(str(file))
+        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    return ImportedActuator(
+        file=str(file), cavities=("at 13, 0, 2 mm", "at 13, 0, -2 mm"), support="x = 0 mm", cell_size=0.005
+    )
+
+
+@pytest.fixture(scope="module")
+def inflated(part, body_of, solved):
+    """Return a function that inflates the part under a pair of ratios: points, equations and last figures."""
+    known = {}
+
+    def inflate(ratios, goal=GOAL):
+        if (ratios, goal) not in known:
+            equations = Equilibrium(body_of(dataclasses.replace(part, pressure_ratios=ratios)), LAW)
+            _, points, end = solved(equations, [goal / equations.stress_unit])
+            assert end is None
+            known[ratios, goal] = points, equations, Fields(equations).figures(points[-1].state)
+        return known[ratios, goal]
+
+    return inflate
+
+
+def test_the_inflated_one_bends_the_part_away(inflated):
+    upper, lower, both = (inflated(ratios)[2].rises["tip"] for ratios in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0)))
+    assert upper < 0 < lower and upper < both < lower
+
+
+def test_only_the_products_count(inflated):
+    """Ratios (1, 2) at P are (0.5, 1) at 2 P."""
+    one, other = inflated((1.0, 2.0), GOAL / 2)[2], inflated((0.5, 1.0), GOAL)[2]
+    assert one.rises["tip"] == pytest.approx(other.rises["tip"], rel=1e-7)
+    assert one.stored_energy == pytest.approx(other.stored_energy, rel=1e-7)
+    assert one.added_volume == pytest.approx(2 * other.added_volume, rel=1e-7)
+
+
+def test_work_of_both_is_what_is_stored(inflated):
+    points, equations, _ = inflated((0.5, 1.0))
+    V, P = np.array([(point.state.V, point.state.P) for point in points]).T
+    slopes = np.array([point.tangent.P / point.tangent.V for point in points])
+    h = np.diff(V)
+    work = np.sum(h * (P[1:] + P[:-1]) / 2 - h**2 * np.diff(slopes) / 12)  # trapezia with their end slopes
+    equations.load(points[-1].state)
+    assert equations.stored_energy() == pytest.approx(work, rel=1e-4)
+
+
+def test_case_file_names_the_part_beside_it(part, tmp_path):
+    """A case file and its part go together; the case that a run stores finds the part from anywhere."""
+    (tmp_path / "bench").mkdir()
+    shutil.copy(part.file, tmp_path / "bench" / "my.step")
+    text = """
+    name = "bellows"
+    [geometry]
+    device = "ImportedActuator"
+    file = "my.step"
+    cavities = ["at 13, 0, 2 mm", "at 13, 0, -2 mm"]
+    support = "x = 0 mm"
+    pressure_ratios = [1, 0.5]
+    [load]
+    pressure_cm = "0:60"
+    """
+    (tmp_path / "bench" / "bellows.toml").write_text(text)
+    case = Case.from_file(tmp_path / "bench" / "bellows.toml")
+    assert case.actuator.file == str(tmp_path / "bench" / "my.step") and case.actuator.ratios == (1.0, 0.5)
+    assert Case.from_toml(case.to_toml()) == case
+    assert case.actuator.key == dataclasses.replace(case.actuator, file=part.file).key
