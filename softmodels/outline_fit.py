@@ -30,6 +30,7 @@ from softmodels.inflation import Inflation
 from softmodels.outline_data import OutlineFitError, Shape
 from softmodels.outline_start import starts
 from softmodels.quadratic_curve import QuadraticCurve
+from softmodels.shadow import shadow_of
 from softmodels.tensile_fit import changed
 
 Array = npt.NDArray[np.float64]
@@ -170,7 +171,8 @@ class Fitting:
         away = shape.points[:, 0] - values["centre"]
         self.side = np.where(away < 0.0, -1.0, 1.0)
         self.points = np.column_stack([np.abs(away), shape.points[:, 1] - values["zero"]]) / self.factor
-        self.closest = curve.closest(self.points)
+        self.shadow = shadow_of(curve)
+        self.closest = self.shadow.curve.closest(self.points)
         self.distances = -self.factor * self.closest.distance
         self.residuals = shape.mean(self.distances)
         self.true_pressure = (
@@ -182,7 +184,7 @@ class Fitting:
 
     def moved(self, rate: Array) -> Array:
         """Derivative of the outline's residuals as the curve's nodes move."""
-        return self.shape.mean(-self.factor * self.closest.moved(rate))
+        return self.shape.mean(-self.factor * self.closest.moved(self.shadow.rate(rate)))
 
     def bench(self) -> dict[str, tuple[Array | float, float]]:
         """Derivatives of the outline's residuals and of the reading's by what the bench may have got wrong."""

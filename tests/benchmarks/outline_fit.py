@@ -95,7 +95,9 @@ def coverage(inflation, repeats: int) -> None:
             misses.setdefault(name, []).append((found.values[name] - value) / found.error(name))
     for name, hits in inside.items():
         spread = float(np.std(misses[name]))
-        print(f"  {name:16s} {np.mean(hits):6.1%} of {repeats}, misses {np.mean(misses[name]):+.2f} +- {spread:.2f} errors")
+        print(
+            f"  {name:16s} {np.mean(hits):6.1%} of {repeats}, misses {np.mean(misses[name]):+.2f} +- {spread:.2f} errors"
+        )
 
 
 def main() -> None:
