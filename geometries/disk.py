@@ -171,6 +171,16 @@ class HollowDisk(Actuator):
         across = points[:, 1] * x - points[:, 0] * y
         return (np.abs(points[:, 2] - self.height) < near) & (np.abs(across) < near) & (along > -near)
 
+    variable: ClassVar[tuple[str, ...]] = ("membrane",)
+
+    def velocity(self, name: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Motion of points with the membrane's thickness: all that lies above the cavity's ceiling is stretched upwards."""
+        if name not in self.variable:
+            return super().velocity(name, points)
+        points = np.asarray(points, dtype=float)
+        share = np.clip((points[:, 2] - self.ceiling) / self.membrane, 0.0, None)
+        return np.column_stack([np.zeros_like(share), np.zeros_like(share), share])
+
     def build(self) -> None:
         from geometries.disk_shape import build_profile, build_wedge
 

@@ -9,6 +9,7 @@ import click
 from softmodels import commandline
 from softmodels.case import Case
 from softmodels.curve_command import curve
+from softmodels.demo import demo
 from softmodels.fit_command import fit_material
 
 
@@ -22,6 +23,7 @@ def softmodels() -> None:
     softmodels draw results/disk        make the pictures of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
+    softmodels demo                     once around: simulate, photograph, measure, fit, compare
     softmodels doctor                   check the installation
     """
 
@@ -67,6 +69,7 @@ def check() -> None:
 
 softmodels.add_command(fit_material)
 softmodels.add_command(curve)
+softmodels.add_command(demo)
 
 
 def main() -> None:

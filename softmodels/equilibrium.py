@@ -104,7 +104,7 @@ class Equilibrium:
         self.space = fem.functionspace(mesh, element)
         self.w = fem.Function(self.space)
         test, trial = ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
-        y, p = ufl.split(self.w) if self.mixed else (self.w, 0.0)
+        y = ufl.split(self.w)[0] if self.mixed else self.w
 
         self.P = fem.Constant(mesh, 0.0)
         self.parameters = _constants(mesh, material)
@@ -113,24 +113,15 @@ class Equilibrium:
         self.set_material(material)
         self.displacement = y
         strain = Strain(body.deformation_gradient(y))
-        density = material.shape(strain, self.parameters)
-        if self.mixed:
-            density += p * (strain.J - 1) - self.bulk / 2 * p**2
-        else:
-            density += self.bulk / 2 * (strain.J - 1) ** 2
-        dx, _ = body.measures()
-        stored = density * body.hoop * dx
-        if sheet is not None:
-            on_face, normal = body.sheet_face(sheet.face)
-            energy = membrane_energy(body.deformation_gradient(y), normal)
-            stored += self._stiffness * energy * body.hoop * on_face
+        stored = self.integral(self.density(self.parameters, self.bulk), self._stiffness)
         volume = body.volume(y, sheet.face if sheet is not None else None)
         inner, load = ufl.derivative(stored, self.w, test), ufl.derivative(volume, self.w, test)
         jit = {"cffi_extra_compile_args": ["-O2"]}
-        form = functools.partial(fem.form, jit_options=jit)
+        self.form = form = functools.partial(fem.form, jit_options=jit)
         self._stored, self._volume = form(stored), form(volume)
         self._inner, self._load = form(inner), form(load)
         residual = inner - self.P * load
+        self.residual, self.cavity_volume = residual, volume
         self._direction = fem.Function(self.space)
         self._product = form(ufl.derivative(residual, self.w, self._direction))
         self._tangent = form(ufl.derivative(residual, self.w, trial))
@@ -150,6 +141,26 @@ class Equilibrium:
         self.n = self.system.n
         self._make_solver()
         self._check_volume()
+
+    def density(self, parameters: Any, bulk: Any) -> Any:
+        """Energy per reference volume in UFL, of anything that carries the law's parameters by name."""
+        import ufl
+
+        strain = Strain(self.body.deformation_gradient(self.displacement))
+        shape = self.material.shape(strain, parameters)
+        if not self.mixed:
+            return shape + bulk / 2 * (strain.J - 1) ** 2
+        p = ufl.split(self.w)[1]
+        return shape + p * (strain.J - 1) - bulk / 2 * p**2
+
+    def integral(self, density: Any, stiffness: Any) -> Any:
+        """UFL integral of an energy density over the body, and of a bonded sheet of this stiffness over its face."""
+        whole = density * self.body.hoop * self.body.measures()[0]
+        if self.sheet is None:
+            return whole
+        on_face, normal = self.body.sheet_face(self.sheet.face)
+        energy = membrane_energy(self.body.deformation_gradient(self.displacement), normal)
+        return whole + stiffness * energy * self.body.hoop * on_face
 
     def _check_volume(self) -> None:
         """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
@@ -388,19 +399,34 @@ class Equilibrium:
             NoConvergence: The linear solver did not get there (the line runs along the path, say).
         """
         self.load(state)
+        self.system.q.array_w[:] = self._assemble(self._load)
+        self.system.control = control
+        self.system.refresh()
+        return self.respond(0.0, 1.0, tolerance)
+
+    def respond(self, force: Any, gap: float, tolerance: float) -> Tangent:
+        """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line.
+
+        `tangent` has to have been called at this state: it sets the border of the system.
+
+        Args:
+            force: Owned entries, shape (n,), zero at held dofs; or 0.
+            gap: Change of the line's left side.
+            tolerance: Of the linear solver, relative.
+
+        Raises:
+            NoConvergence: The linear solver did not get there.
+        """
         system, ksp = self.system, self.snes.getKSP()
-        system.q.array_w[:] = self._assemble(self._load)
-        system.control = control
-        system.refresh()
         rhs, x = self._f, self._x
-        system.join(rhs, 0.0, 1.0)
+        system.join(rhs, force, gap)
         system.mat.assemble()
         ksp.setOperators(system.mat)
         ksp.setTolerances(rtol=tolerance)
         ksp.solve(rhs, x)
         self.age += ksp.getIterationNumber()
         if ksp.getConvergedReason() <= 0:
-            raise NoConvergence("the linear solver failed on the path's direction")
+            raise NoConvergence("the linear solver failed on the state's linear response")
         body, dP = system.split(x)
         direction = self._direction.x
         direction.array[: self.n] = body

@@ -26,7 +26,12 @@ from softmodels.tensile_options import read_curves, specimen_options, tensile_op
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("files", metavar="[CASE.toml [OUTLINES...]]", nargs=-1, type=click.Path(path_type=Path))
 @tensile_option()
+@click.option("--heights", type=click.Path(path_type=Path), metavar="HEIGHTS.csv",
+              help="Fit the largest deflections at the pressures, as the thesis did, in place of outlines.")  # fmt: skip
+@click.option("--free", multiple=True, metavar="NAME", help="With a case: free poisson, or a length such as membrane.")
+@click.option("--untrusted", is_flag=True, help="Take outlines that the measurement does not trust, too.")
 @click.option("--material", "laws", default="yeoh", show_default=True, metavar="LAW,...",
               help=f"Laws to compare: {', '.join(LAWS)}, ogden1 to ogden4, or all.")  # fmt: skip
 @click.option("--stretch", metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
@@ -50,7 +55,12 @@ from softmodels.tensile_options import read_curves, specimen_options, tensile_op
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("results/fit"), show_default=True)
 def fit_material(**options: Any) -> None:
-    """Fit laws to tensile curves: parameters with 95 % intervals, and a material file for a simulation.
+    """Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.
+
+    With --tensile, to curves of test machines. With a CASE (such as the case.toml in a folder of results), to outlines of
+    that device at all pressures (files or folders that python -m measurement photos has made), alone or together with curves.
+    What the bench may have got wrong is fitted too, within what is believable: an offset and a unit of pressure, a leak, a
+    unit of length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' says more.
 
     TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius). A file's
     headers say what its columns are, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break counts.
@@ -61,6 +71,9 @@ def fit_material(**options: Any) -> None:
       softmodels fit --tensile curve.csv --material yeoh --stretch 1.02:3
       softmodels fit --tensile ut.csv --tensile ps.csv:planar --tensile et.csv:equibiaxial --material all
       softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
+      softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
+      softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh --poisson 0.49
+      softmodels fit results/disk/case.toml --heights outlines/heights.csv --material neo-hookean
       python -m softmodels.disk --material results/fit/fitted.toml
 
     \b
@@ -84,12 +97,19 @@ def fit_material(**options: Any) -> None:
 
 
 def _report(options: dict[str, Any]) -> Report:
-    curves = read_curves(options)
+    device = bool(options["files"])
+    if not device and (options["heights"] or options["free"] or options["untrusted"]):
+        raise FitError("--heights, --free and --untrusted are about a device; give its case file first")
+    curves = read_curves(options) if options["tensile"] or not device else []
     choices = law_choices(options["laws"], options["poisson"])
     error = StressError.from_text(options["stress_error"])
     gauge_error = quantity(options["gauge_error"], "")
     if not 0.0 <= gauge_error < 1.0:
         raise FitError(f"a gauge error of {gauge_error:g} is not a share between 0 and 100 %")
+    if device:
+        from softmodels.outline_command import device_report
+
+        return device_report({**options, "stress": error, "gauge": gauge_error}, curves, choices)
     changes = [changes_for(choice, options, alone=len(choices) == 1) for choice in choices]
     errors = "stated" if error.stated else "unknown"
 
@@ -144,8 +164,8 @@ def changes_for(choice: LawChoice, options: dict[str, Any], alone: bool) -> dict
     changes: dict[str, dict[str, Any]] = {}
     readers: tuple[tuple[str, Callable[[str, str], dict[str, Any]]], ...] = (
         ("fixes", lambda value, unit: {"start": quantity(value, unit), "fixed": True}),
-        ("bounds", _bounds),
-        ("priors", _prior),
+        ("bounds", read_bounds),
+        ("priors", read_prior),
     )
     for key, read in readers:
         for text in options[key]:
@@ -164,7 +184,7 @@ def changes_for(choice: LawChoice, options: dict[str, Any], alone: bool) -> dict
     return changes
 
 
-def _bounds(value: str, unit: str) -> dict[str, float]:
+def read_bounds(value: str, unit: str) -> dict[str, float]:
     low, found, high = value.partition(":")
     if not found:
         raise FitError(f"{value!r} is not FROM:TO")
@@ -175,7 +195,7 @@ def _bounds(value: str, unit: str) -> dict[str, float]:
     return made
 
 
-def _prior(value: str, unit: str) -> dict[str, Prior]:
+def read_prior(value: str, unit: str) -> dict[str, Prior]:
     mean, found, error = value.partition("+-")
     if not found:
         raise FitError(f"{value!r} is not VALUE+-ERROR")

@@ -132,6 +132,7 @@ def pictures(report: Report) -> dict[str, bytes]:
         figures = {}
         if report.curves:
             figures = {"curves.png": draw_curves(report), "residuals.png": draw_residuals(report)}
+        figures |= report.own_pictures()
         for one in report.laws:
             if one.profiles:
                 figures[f"profiles-{one.choice.name}.png"] = draw_profiles(one)
@@ -164,7 +165,7 @@ def page(report: Report, images: dict[str, bytes]) -> str:
             (r.fit.label, str(len(r.fit.free)), f"+{r.aicc:.4g}", f"{r.bic:+.4g}") for r in report.comparison.ranked
         ]
         parts.append(_table(("law", "parameters", "AICc", "BIC"), rows))
-    parts += [_image(name, images) for name in ("curves.png", "residuals.png")]
+    parts += [_image(name, images) for name in images if not name.startswith("profiles-")]
     for one in report.laws:
         modulus, unit = shown(one.material.shear_modulus_0, "Pa")
         parts.append(f"<h2>{one.choice.name}</h2><p>Shear modulus at small strain {modulus} {unit}.</p>")

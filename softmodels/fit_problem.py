@@ -51,6 +51,7 @@ class Parameter:
         upper: Upper bound, perhaps ``inf``.
         prior: What is known beforehand.
         fixed: Keep it at ``start``.
+        hidden: No one asks for its value: reports leave it out.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Parameter:
     upper: float = math.inf
     prior: Prior | None = None
     fixed: bool = False
+    hidden: bool = False
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.start):

@@ -78,6 +78,10 @@ class Report:
         preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
         return next((one for one in (preferred, *self.laws) if one.sound), preferred)
 
+    def own_pictures(self) -> dict[str, Any]:
+        """Figures by file name that only this kind of report has."""
+        return {}
+
     @property
     def ranges(self) -> list[str]:
         """Which part of each curve was fitted, and what was left out of it."""
@@ -103,6 +107,8 @@ def shown(value: float, unit: str, error: float = math.nan) -> tuple[str, str]:
     if unit == "Pa":
         size = abs(value)
         factor, name = (1e-6, "MPa") if size >= 1e6 else (1e-3, "kPa") if size >= 10.0 else (1.0, "Pa")
+    if unit == "m":
+        factor, name = 1e3, "mm"
     digits = 4
     if math.isfinite(error) and 0.0 < error < abs(value):
         digits = min(max(math.ceil(math.log10(abs(value) / error)) + 2, 2), 9)
@@ -113,12 +119,14 @@ def parameter_rows(one: Fitted) -> list[tuple[str, str, str, str]]:
     """Parameter, value, unit and 95 % interval, as texts."""
     rows = []
     for p in one.fit.parameters:
+        if p.hidden:
+            continue
         value = one.fit.values[p.name]
         text, unit = shown(value, p.unit, one.fit.error(p.name))
         if p.fixed:
             rows.append((p.name, text, unit, "fixed"))
             continue
-        factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
+        factor = {"MPa": 1e-6, "kPa": 1e-3, "mm": 1e3}.get(unit, 1.0)
         low, high = (_plain(end * factor, one.fit.error(p.name) * factor) for end in one.interval(p.name))
         ends = [f"{t} (its bound)" if e in (p.lower, p.upper) else t
                 for t, e in zip((low, high), one.interval(p.name), strict=True)]  # fmt: skip
@@ -137,7 +145,7 @@ def _plain(value: float, error: float) -> str:
 
 def correlation_rows(one: Fitted) -> list[list[str]]:
     """The correlations of the free parameters below the diagonal, as texts; empty for one parameter."""
-    names, R = [p.name for p in one.fit.free], one.fit.correlations
+    names, R = [p.name for p in one.fit.free if not p.hidden], one.fit.correlations
     return [[names[i], *(f"{R[i, j]:+.3f}" for j in range(i))] for i in range(1, len(names))]
 
 

@@ -49,7 +49,7 @@ def unseen(fit: Fit) -> tuple[str, ...]:
     R = fit.correlations
     for i, a in enumerate(fit.free):
         for j in range(i):
-            if abs(R[i, j]) > TOGETHER:
+            if abs(R[i, j]) > TOGETHER and not (a.hidden or fit.free[j].hidden):
                 both = f"{fit.free[j].name} and {a.name}"
                 said.append(f"the data see {both} only together (correlation {R[i, j]:.3f})")
     values, vectors = fit.singular_values

@@ -112,6 +112,13 @@ def gathered(comm: Any, values: Any) -> Any:
     return None if parts is None else np.concatenate(parts)
 
 
+def everywhere(comm: Any, values: Any) -> Any:
+    """Rows of all ranks' arrays, one below the other in the order of ranks, on every rank."""
+    import numpy as np
+
+    return np.concatenate(comm.allgather(np.ascontiguousarray(values)))
+
+
 def scattered(comm: Any, values: Any, count: int) -> Any:
     """The reverse of `gathered`: ``count`` rows of rank 0's array for each rank."""
     import numpy as np

@@ -197,7 +197,7 @@ def fit_law(
     fits = []
     guesses = starts_for(choice, sources) if sources else [choice.from_modulus(modulus)]
     for starts in distinct(guesses).values():
-        parameters = [_changed(p, (changes or {}).get(p.name, {})) for p in (*choice.parameters(starts[0]), *others)]
+        parameters = [changed(p, (changes or {}).get(p.name, {})) for p in (*choice.parameters(starts[0]), *others)]
         try:
             fits.append(fit([*sources, *more], parameters, loss=loss, starts=starts, errors=errors, label=choice.name))
         except FitError as error:
@@ -212,7 +212,7 @@ def spread(fit: Fit) -> float:
     return max(1.4826 * float(np.median(np.abs(fit.residuals[: fit.count]))), 1e-9)
 
 
-def _changed(parameter: Parameter, change: Mapping[str, Any]) -> Parameter:
+def changed(parameter: Parameter, change: Mapping[str, Any]) -> Parameter:
     """A parameter with a user's bounds, prior or fixed value; a start outside new bounds moves between them."""
     new = {**{f.name: getattr(parameter, f.name) for f in dataclasses.fields(parameter)}, **change}
     if not new["fixed"] and not new["lower"] <= new["start"] <= new["upper"]:

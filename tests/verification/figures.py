@@ -36,12 +36,39 @@ def figures(comm, wedge: Path, slab: Path, section: Path) -> dict[str, list[floa
                 values = dataclasses.asdict(fields.figures(point.state))
                 values.update(values.pop("rises"), **values.pop("device"))
                 found[f"{name} at {point.state.P:g}"] = [*values.pop("max_stretch_at"), *values.values()]
+        if name == "wedge":
+            found["wedge, rates and outline"] = rates(equations, 0.1)
     equations = Equilibrium(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495))
+    found["section past its limit, rates and outline"] = rates(equations, 6.0)
     try:
         list(trace(LoadPath(equations), [1.0]))
     except PathEnd as end:
         found["limit"] = [end.limit.state.P]
     return found
+
+
+def rates(equations, added: float) -> list[float]:
+    """Derivatives of a state's pressure and of its outline, and the outline's distances from some points."""
+    import numpy as np
+
+    from softmodels.controls import volume_control
+    from softmodels.loading import Path as LoadPath
+    from softmodels.loading import trace
+    from softmodels.reshaping import Reshaping
+    from softmodels.sensitivity import Sensitivity
+    from softmodels.silhouette import Silhouette
+
+    moving = Reshaping(equations.body, ("membrane",))
+    sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations)
+    moving.move({"membrane": 1.02 * moving.nominal["membrane"]})
+    state = list(trace(LoadPath(equations, "auto", "volume"), [added]))[-1].state
+    _, found = sensitivity.rates(state, volume_control(state.V), ("shear_modulus", "poisson", "membrane"))
+    curve = silhouette.curve(state, {"membrane": 1.02 * moving.nominal["membrane"]})
+    size = equations.length_unit
+    closest = curve.closest(size * np.array([[0.1, 0.3], [0.5, 0.2], [0.9, 0.1]]))
+    moved = closest.moved(silhouette.rate(found["membrane"].w, "membrane"))
+    moving.move({})
+    return [*(rate.P for rate in found.values()), *closest.distance.tolist(), *moved.tolist()]
 
 
 if __name__ == "__main__":

@@ -1,0 +1,161 @@
+"""The thesis' own objective: the mean square deviation of the largest deflections at the measured pressures.
+
+Heights are held against states at the readings as they are, all with the same weight. It has no place for a leak, nor for
+states past a limit point; `softmodels.outline_fit` has both, and sees the whole outline.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.fit_problem import FitError, Parameter
+from softmodels.fit_result import Fit
+from softmodels.fitting import fit
+from softmodels.inflation import Inflation
+from softmodels.outline_data import TALLEST, OutlineFitError
+from softmodels.outline_start import starts
+from softmodels.tensile_fit import changed
+
+Array = npt.NDArray[np.float64]
+
+STIFFER = (1.0, 1.1, 1.3, 2.0)
+"""Factors on the starting stresses, tried until every pressure has a state."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Height:
+    """A measured height of the top: source, pressure in Pa, height in m."""
+
+    source: str
+    pressure: float
+    height: float
+
+
+def read_heights(path: Path, untrusted: bool = False) -> list[Height]:
+    """Read the ``heights.csv`` that ``python -m measurement photos`` writes; refused photographs are left out.
+
+    Raises:
+        OutlineFitError: No such table; a number that is none; a height that is not trusted, unless ``untrusted``.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError) as error:
+        raise OutlineFitError(f"{path} cannot be read: {error}") from None
+    if not rows or not {"pressure_Pa", "height_m"} <= set(rows[0]):
+        raise OutlineFitError(f"{path} is no table of heights; it needs the columns pressure_Pa and height_m")
+    found = []
+    for number, row in enumerate(rows, 2):
+        trusted = (row.get("trusted") or "yes").strip()
+        if trusted == "refused":
+            continue
+        if trusted != "yes" and not untrusted:
+            raise OutlineFitError(
+                f"{path}, line {number}: this height is not to be trusted ({row.get('remarks') or 'no reason given'}); "
+                "leave it out, or take it with --untrusted"
+            )
+        try:
+            pressure, height = float(row["pressure_Pa"]), float(row["height_m"])
+        except (TypeError, ValueError):
+            pressure = height = math.nan
+        if not (math.isfinite(pressure) and math.isfinite(height)):
+            raise OutlineFitError(f"{path}, line {number}: pressure or height is not a number")
+        found.append(Height(row.get("file") or f"line {number}", pressure, height))
+    return sorted(found, key=lambda one: one.pressure)
+
+
+def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
+    """The heights that say something, those at rest left out.
+
+    Raises:
+        OutlineFitError: None is left, two have one pressure, or the unit is mistaken.
+    """
+    kept = [one for one in heights if one.pressure > 0.0 and one.height > 0.0]
+    if not kept:
+        raise OutlineFitError("no height is above zero at a pressure above zero, so there is nothing to fit to")
+    highest = max(one.height for one in kept)
+    if highest > TALLEST * width or highest < 1e-4 * width:
+        raise OutlineFitError(
+            f"the largest height is {highest * 1e3:.4g} mm, for a device {width * 2e3:.4g} mm across: check the unit "
+            "(heights are in metres)"
+        )
+    for one, two in itertools.pairwise(kept):
+        if two.pressure - one.pressure <= 1e-6 * two.pressure:
+            raise OutlineFitError(
+                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give one"
+            )
+    return kept
+
+
+class HeightResiduals:
+    """Residuals of heights in mm; see `softmodels.fitting.Residuals`.
+
+    Args:
+        inflation: The device and its law.
+        heights: Measured heights, checked.
+    """
+
+    unit, errors = "mm", 1.0
+
+    def __init__(self, inflation: Inflation, heights: Sequence[Height], label: str = "heights"):
+        self.inflation, self.heights, self.label = inflation, tuple(heights), label
+        self.parameters = inflation.names
+        self.fixed: frozenset[str] = frozenset()
+        self.pressures = np.array([one.pressure for one in heights])
+        self.measured = np.array([one.height for one in heights])
+
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
+        """See `softmodels.fitting.Residuals`.
+
+        Raises:
+            CannotEvaluate: One of the pressures has no state on the first branch.
+        """
+        states = self.inflation.states(values, self.pressures, "pressure")
+        lengths = self.inflation.take(values)
+        tops = np.array([self.inflation.curve(state, lengths).nodes[0, 0, 1] for state in states])
+        residuals = 1e3 * (tops - self.measured)
+        labels = [self.label] * len(residuals)
+        if not derivatives:
+            return residuals, None, labels
+        J = np.zeros((len(states), len(self.parameters)))
+        names = [name for name in self.parameters if name not in self.fixed]
+        for row, state in enumerate(states):
+            slopes = self.inflation.slopes(state, names, "pressure")
+            for name in names:
+                J[row, self.parameters.index(name)] = 1e3 * slopes.nodes[name][0, 0, 1]
+        return residuals, J, labels
+
+
+def fit_heights(
+    source: HeightResiduals, *, changes: Mapping[str, Mapping[str, Any]] | None = None, loss: str = "linear"
+) -> Fit:
+    """Fit a law to heights; the size of their errors follows from their scatter.
+
+    Raises:
+        FitError: See `softmodels.fitting.fit`.
+        OutlineFitError: The device does not rise so high.
+    """
+    inflation, changes = source.inflation, changes or {}
+    choice = inflation.choice
+    begins, _ = starts(inflation, source.measured, source.pressures, np.ones(len(source.measured)))
+    known = [Parameter("poisson", "", choice.poisson, fixed=True)]
+    known += [Parameter(name, "m", value, fixed=True) for name, value in inflation.lengths.items()]
+    troubles = []
+    for begin, factor in ((begin, factor) for begin in begins for factor in STIFFER):
+        stiffer = {name: value * (factor if choice.unit(name) == "Pa" else 1.0) for name, value in begin.items()}
+        parameters = [changed(p, changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
+        source.fixed = frozenset(p.name for p in parameters if p.fixed)
+        try:
+            return fit([source], parameters, loss=loss, errors="unknown", label=choice.name)
+        except FitError as error:
+            troubles.append(str(error))
+    raise FitError(f"{choice.name}: {troubles[0]}")

@@ -1,0 +1,258 @@
+"""The command ``fit`` with a case: outlines or heights of a device, alone or together with tensile curves."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from geometries import GeometryError, MeshingError
+from measurement.units import UnitError, quantity
+from softmodels.case import Case, CaseError
+from softmodels.fit_comparison import compare
+from softmodels.fit_problem import FitError
+from softmodels.fit_report import Fitted, Report
+from softmodels.fit_result import Fit
+from softmodels.height_fit import HeightResiduals, check_heights, fit_heights, read_heights
+from softmodels.inflation import Inflation
+from softmodels.law_choice import ALL, LawChoice
+from softmodels.law_stability import judge
+from softmodels.outline_data import OutlineFitError, Shape, prepare, read_outlines
+from softmodels.outline_fit import BENCH, Bench, Fitting, OutlineResiduals, fit_outlines, fits_badly, misfits
+from softmodels.parallel import abort_on_error, on_root, start
+from softmodels.tensile import TensileCurve
+from softmodels.tensile_fit import residuals_of
+
+PROFILE_POINTS = 6
+"""Values at which a parameter is held for its profile: each is a fit of its own."""
+UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
+"""Units of what is not a plain number; lengths of the device have m."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class DeviceReport(Report):
+    """A report of fits to a device.
+
+    Attributes:
+        device: The device in words.
+        notes: What was left out, and why.
+        fittings: By law: each photograph with its fitted state; empty for heights.
+    """
+
+    device: str = ""
+    notes: tuple[str, ...] = ()
+    fittings: Mapping[str, list[Fitting]] = dataclasses.field(default_factory=dict)
+
+    @property
+    def ranges(self) -> list[str]:
+        return [self.device, *self.notes, *super().ranges]
+
+    def own_pictures(self) -> dict[str, Any]:
+        from softmodels.outline_pictures import draw_outlines, draw_photographs
+
+        figures = {}
+        for one in self.laws:
+            law, fittings = one.choice.name, self.fittings.get(one.choice.name)
+            if fittings:
+                figures[f"outlines-{law}.png"] = draw_outlines(fittings, law)
+                figures[f"photographs-{law}.png"] = draw_photographs(fittings, law)
+        return figures
+
+
+def device_report(
+    options: dict[str, Any], curves: Sequence[TensileCurve], choices: Sequence[LawChoice]
+) -> DeviceReport:
+    """Fit laws to a case's outlines or heights.
+
+    Args:
+        options: Of the command.
+        curves: Tensile curves to fit at the same time.
+        choices: The laws.
+
+    Raises:
+        FitError: Bad input, or no law could be fitted.
+    """
+    case, outlines, heights = _read(options)
+    changes = device_changes(options, (*BENCH, "poisson", *case.actuator.variable))
+    comm = start()
+    abort_on_error(comm)
+    fitted: list[Fit] = []
+    sources: dict[str, Any] = {}
+    notes: list[str] = []
+    strains: dict[str, float] = {}
+    for choice in choices:
+        device = _device(case, choice, comm)
+        width = device.silhouette.width
+        loss = "soft_l1" if options["robust"] else "linear"
+        mine = {name: change for name, change in changes.items() if name not in _law_names() or name in choice.names}
+        source: Any
+        if outlines is not None:
+            shapes, notes = prepare(outlines, case.actuator, width)
+            source = OutlineResiduals(device, shapes)
+            more, gauges = residuals_of(curves, choice, options["stress"], options["gauge"])
+            fit = fit_outlines(source, bench(options), more=more, others=gauges, changes=mine, loss=loss)
+            fit = dataclasses.replace(fit, troubles=(*fit.troubles, *_badly(source, fit)))
+        else:
+            assert heights is not None
+            source = HeightResiduals(device, check_heights(heights, width))
+            fit = fit_heights(source, changes=mine, loss=loss)
+        fitted.append(fit)
+        sources[choice.name] = source
+        strains[choice.name] = _strain(source, fit)
+    comparison = compare(fitted)
+    laws = []
+    for ranked in comparison.ranked:
+        choice = next(c for c in choices if c.name == ranked.fit.label)
+        wanted = [p.name for p in ranked.fit.free if p.name in (*choice.names, "poisson")]
+        profiles = {} if options["no_profiles"] else {n: ranked.fit.profile(n, PROFILE_POINTS) for n in wanted}
+        material = sources[choice.name].inflation.material(ranked.fit.values)
+        laws.append(Fitted(choice, ranked.fit, material, judge(material, strains[choice.name]), profiles))
+    device_text = f"{case.name}: {type(case.actuator).__name__}, {_measured(outlines, sources)}"
+    # Solved again where a profile was the last to be asked for, by all ranks together.
+    fittings = {
+        one.choice.name: sources[one.choice.name].fittings(one.fit.values) for one in laws if outlines is not None
+    }
+    return DeviceReport(
+        tuple(laws), comparison, tuple(curves), _how(options, outlines is not None), device_text, tuple(notes), fittings
+    )
+
+
+def _read(options: dict[str, Any]) -> tuple[Case, Any, Any]:
+    """The case, its outlines or None, its heights or None."""
+    file, *files = options["files"]
+    try:
+        case = Case.from_file(file)
+    except CaseError as error:
+        raise FitError(str(error)) from None
+    case = dataclasses.replace(case, actuator=as_section(case.actuator))
+    bench(options)
+    if options["heights"] is not None:
+        if files:
+            raise OutlineFitError("fit either whole outlines or --heights: one would count the other twice")
+        if options["tensile"]:
+            raise OutlineFitError(
+                "heights alone have no errors to weigh tensile curves with; give outlines, or fit them apart"
+            )
+        return case, None, read_heights(options["heights"], options["untrusted"])
+    if not files:
+        raise OutlineFitError(f"{file} says what was inflated; give its outlines too, or --heights heights.csv")
+    return case, read_outlines(files, options["untrusted"]), None
+
+
+def as_section(actuator: Any) -> Any:
+    """A device that turns about its axis as its section, which gives the same outline in a hundredth of the time."""
+    fields = {field.name: field.metadata.get("choices", ()) for field in dataclasses.fields(actuator)}
+    if "axisymmetric" in fields.get("section", ()) and actuator.section != "axisymmetric":
+        return dataclasses.replace(actuator, section="axisymmetric")
+    return actuator
+
+
+def bench(options: dict[str, Any]) -> Bench:
+    """What is free of bench and device: the defaults, ``--free`` more, ``--fix`` less.
+
+    Raises:
+        OutlineFitError: A parameter is to be both.
+    """
+    fixed = {text.partition("=")[0].strip() for text in options["fixes"]}
+    for name in options["free"]:
+        if name in fixed:
+            raise OutlineFitError(f"{name} cannot be both free (--free) and fixed (--fix)")
+    return Bench(tuple(dict.fromkeys(name for name in (*BENCH, *options["free"]) if name not in fixed)))
+
+
+def _law_names() -> set[str]:
+    return {"shear_modulus", "limit", "c1", "c2", "c3", "c10", "c01"} | {
+        f"{k}{i}" for k in ("mu", "alpha") for i in range(1, 5)
+    }
+
+
+def device_changes(options: dict[str, Any], known: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """What ``--fix``, ``--bounds`` and ``--prior`` say, by parameter; ``--fix leak`` alone keeps it at its nominal value.
+
+    Raises:
+        FitError: A text that is no such change, or a name that nothing has.
+    """
+    from softmodels.fit_command import read_bounds, read_prior
+
+    lengths = set(known) - set(BENCH) - {"poisson"}
+    laws = [LawChoice.from_text(law) for law in ALL]
+    stresses = {name for law in laws for name in law.names if law.unit(name) == "Pa"}
+    changes: dict[str, dict[str, Any]] = {}
+    for key, read in (("fixes", None), ("bounds", read_bounds), ("priors", read_prior)):
+        for text in options[key]:
+            name, found, value = (part.strip() for part in text.partition("="))
+            if name not in (*known, *_law_names()) and not name.startswith("gauge"):
+                raise FitError(f"there is no parameter {name!r}; the bench and the device have {', '.join(known)}")
+            unit = "m" if name in lengths else "Pa" if name in stresses else UNITS.get(name, "")
+            try:
+                change: dict[str, Any] = {"fixed": True} if read is None else dict(read(value, unit))
+                if read is None and found:
+                    change["start"] = quantity(value, unit)
+            except (UnitError, FitError) as error:
+                raise FitError(f"{text!r}: {error}") from None
+            changes.setdefault(name, {}).update(change)
+    return changes
+
+
+def _device(case: Case, choice: LawChoice, comm: Any) -> Inflation:
+    """The case's device under a law, meshed and compiled."""
+    from softmodels.body import Body, BodyError
+    from softmodels.compiling import CompilingError, compiling
+    from softmodels.equilibrium import Equilibrium
+
+    folder = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
+    mesh = folder / f"{case.name}.msh"
+    try:
+        on_root(comm, lambda: case.actuator.write(mesh))
+        with compiling():
+            body = Body.from_file(case.actuator, mesh, comm)
+            material = choice.material(choice.from_modulus(30e3))
+            return Inflation(Equilibrium(body, material, case.formulation, case.sheet), choice)
+    except (BodyError, CompilingError, MeshingError, GeometryError, OSError) as error:
+        raise FitError(str(error)) from error
+    finally:
+        on_root(comm, lambda: shutil.rmtree(folder, ignore_errors=True))
+
+
+def _badly(source: OutlineResiduals, fit: Fit) -> list[str]:
+    found = {name: pair for name, pair in misfits(source, fit.residuals).items() if fits_badly(*pair)}
+    return [
+        f"{name}: the law cannot follow it (chi squared {chi2:.0f} of {count} values)"
+        for name, (chi2, count) in found.items()
+    ]
+
+
+def _strain(source: Any, fit: Fit) -> float:
+    """Largest I1 - 3 of the device in the state of the largest deflection."""
+    from softmodels.fields import Fields
+
+    device = source.inflation
+    if isinstance(source, OutlineResiduals):
+        state = max((fitting.state for fitting in source.fittings(fit.values)), key=lambda state: state.V)
+    else:
+        state = device.states(fit.values, source.pressures, "pressure")[-1]
+    device.take(fit.values)
+    stretch = Fields(device.equilibrium).figures(state).max_stretch
+    return 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
+
+
+def _measured(outlines: Any, sources: dict[str, Any]) -> str:
+    source = next(iter(sources.values()))
+    if outlines is None:
+        top = float(source.measured.max())
+        return f"{len(source.heights)} heights to {top * 1e3:.4g} mm at {source.pressures[-1] / 1e3:.4g} kPa"
+    shapes: tuple[Shape, ...] = source.shapes
+    top = max(shape.height for shape in shapes)
+    values = f"{source.count - len(shapes)} independent values"
+    return f"{len(shapes)} outlines to {top * 1e3:.4g} mm at {source.most / 1e3:.4g} kPa, {values}"
+
+
+def _how(options: dict[str, Any], whole: bool) -> str:
+    if not whole:
+        return "mean square deviation of the largest deflections at the readings as they are, errors from the scatter"
+    robust = ", outliers counted by their size" if options["robust"] else ""
+    free = ", ".join(bench(options).free)
+    return f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free or 'nothing'}"

@@ -1,0 +1,160 @@
+"""``softmodels fit CASE OUTLINES``: bad input before anything is solved, and a whole fit with its files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from geometries import HollowDisk
+from measurement.outline import Outline
+from softmodels.case import Case
+from softmodels.fit_command import fit_material
+from softmodels.law_choice import LawChoice
+from softmodels.materials import Yeoh
+from softmodels.simulated_outlines import Camera, simulated_outlines
+
+DISK = HollowDisk(cell_size=0.006, fillet=0.0, base_fillet=0.0)
+X = np.linspace(-0.012, 0.012, 400)
+
+
+def dome(pressure, height, x=X, **changes):
+    """An outline of about the right shape."""
+    z = height * np.cos(np.pi * x / (2.2 * np.abs(x).max())) ** 2
+    made = Outline(x, z, np.full(len(x), 1e-5), pressure, 10.0, f"dome {pressure:g}")
+    return dataclasses.replace(made, **changes) if changes else made
+
+
+@pytest.fixture
+def case(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), pressures_cm=(0.0, 100.0)).to_toml())
+    return file
+
+
+@pytest.fixture
+def outlines(tmp_path):
+    """Return a function that writes outlines into a folder and gives it."""
+
+    def write(*made):
+        folder = tmp_path / "outlines"
+        folder.mkdir(exist_ok=True)
+        for number, outline in enumerate(made):
+            outline.to_csv(folder / f"{number}.csv")
+        return folder
+
+    return write
+
+
+def fit(*words):
+    return CliRunner().invoke(fit_material, [str(word) for word in words])
+
+
+GOOD = (dome(3e3, 0.8e-3), dome(6e3, 1.5e-3))
+REFUSED = {
+    "same pressure and height": ((*GOOD, dome(6e3, 1.51e-3)), (), "count one measurement twice"),
+    "nothing above the surface": ((dome(3e3, 5e-5), dome(6e3, 6e-5)), (), "nothing to fit to"),
+    "metres for millimetres": (
+        tuple(dome(p, 1e3 * h, 1e3 * X) for p, h in ((3e3, 8e-4), (6e3, 1.5e-3))),
+        (),
+        "in metres",
+    ),
+    "kilometres for metres": (
+        tuple(dome(p, 1e-3 * h, 1e-3 * X) for p, h in ((3e3, 8e-4), (6e3, 1.5e-3))),
+        (),
+        "in metres",
+    ),
+    "millipascal for pascal": ((dome(3e6, 0.8e-3), dome(6e6, 1.5e-3)), (), "inflates no silicone"),
+    "not trusted": ((GOOD[0], dome(6e3, 1.5e-3, trusted=False, reasons=("the camera moved",))), (), "the camera moved"),
+    "another device": ((dome(3e3, 0.8e-3, 3 * X), dome(6e3, 1.5e-3, 3 * X)), (), "not the device of the case"),
+    "moved": ((GOOD[0], dome(6e3, 1.5e-3, X + 0.02)), (), "has moved"),
+    "no error of a pressure": ((dome(3e3, 0.8e-3, pressure_error=0.0), GOOD[1]), (), "no standard error"),
+    "fixed and free": (GOOD, ("--free", "leak", "--fix", "leak"), "cannot be both"),
+    "unknown nuisance": (GOOD, ("--fix", "wind"), "there is no parameter 'wind'"),
+    "unknown thing to free": (GOOD, ("--free", "wall"), "called 'wall'"),
+    "number with no unit": (GOOD, ("--fix", "c2=3"), "unit"),
+    "both objectives": (GOOD, ("--heights", "heights.csv"), "either whole outlines or --heights"),
+    "unknown law": (GOOD, ("--material", "hooke"), "'hooke' is unknown"),
+}
+
+
+@pytest.mark.parametrize(("made", "words", "said"), REFUSED.values(), ids=REFUSED.keys())
+def test_bad_input_is_one_sentence_before_a_solve(made, words, said, case, outlines, monkeypatch, comm):
+    from softmodels.equilibrium import Equilibrium
+
+    monkeypatch.setattr(Equilibrium, "solve", lambda *args: pytest.fail("something was solved"))
+    done = fit(case, outlines(*made), *words)
+    assert done.exit_code == 2, done.output
+    assert said in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_files_that_cannot_be_read(case, tmp_path):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "holes.csv").write_text("# pressure_Pa = 3\n# pressure_error_Pa = 1\n0,nan,1e-5\n")
+    for words, said in (
+        ((tmp_path / "no.toml", tmp_path), "cannot be read"),
+        ((case,), "give its outlines too"),
+        ((case, tmp_path / "empty"), "holds no outlines"),
+        ((case, tmp_path / "holes.csv"), "not finite"),
+        ((case, "--heights", tmp_path / "no.csv"), "cannot be read"),
+        (("--free", "poisson"), "give its case file first"),
+    ):
+        done = fit(*words)
+        assert done.exit_code == 2 and said in done.stderr, done.output
+
+
+def test_heights_with_mistakes(case, tmp_path):
+    head = "file,pressure_Pa,pressure_error_Pa,height_m,height_error_m,trusted,remarks\n"
+    for row, said in (
+        ("a,3000,10,x,1e-5,yes,", "not a number"),
+        ("a,3000,10,1e-3,1e-5,no,dust", "not to be trusted (dust)"),
+        ("a,3000,10,1e-3,1e-5,yes,\nb,3000,10,2e-3,1e-5,yes,", "same pressure"),
+        ("a,3000,10,1.5,1e-5,yes,", "in metres"),
+        ("a,0,10,0,1e-5,yes,", "nothing to fit to"),
+    ):
+        (tmp_path / "heights.csv").write_text(head + row + "\n")
+        done = fit(case, "--heights", tmp_path / "heights.csv")
+        assert done.exit_code == 2 and said in done.stderr, done.output
+
+
+def test_a_whole_fit(case, outlines, comm, tmp_path):
+    """Outlines of a known material through the command: its values, its files, and a wedge's case fitted as a section."""
+    from softmodels.body import Body
+    from softmodels.equilibrium import Equilibrium
+    from softmodels.inflation import Inflation
+
+    disk = dataclasses.replace(DISK, section="axisymmetric")
+    choice = LawChoice.from_text("yeoh", 0.49)
+    body = Body.from_file(disk, disk.write(tmp_path / "disk.msh"), comm)
+    device = Inflation(Equilibrium(body, choice.material({"c1": 14e3, "c2": 600.0, "c3": 0.0})), choice)
+    camera = Camera(bench={"leak": 0.01, "scale": 0.002, "centre": 1e-3})
+    pressures = np.array([3e3, 7e3, 11e3, 15e3])
+    rng = np.random.default_rng(1)
+    made = simulated_outlines(device, {"c1": 14e3, "c2": 600.0, "c3": 0.0}, pressures, camera, rng=rng)
+    folder, output = outlines(*made), tmp_path / "fit"
+    done = fit(case, folder, "--fix", "c3=0Pa", "--poisson", "0.49", "--no-profiles", "-o", output)
+    assert done.exit_code == 0, done.output
+    assert "4 outlines to" in done.output and "volume1" not in done.output
+    material = tomllib.loads((output / "fitted.toml").read_text())
+    values, intervals = material["fit"]["values"], material["fit"]["intervals_95"]
+    for name, truth in {"c1": 14e3, "c2": 600.0, "scale": 0.002, "centre": 1e-3}.items():
+        low, high = intervals[name]
+        assert low < truth < high and low < values[name] < high, name
+    assert abs(values["c1"] / 14e3 - 1) < 0.02
+    laws = json.loads((output / "fit.json").read_text())["laws"]
+    assert laws[0]["converged"] and laws[0]["law"] == "yeoh"
+    for picture in ("outlines-yeoh.png", "photographs-yeoh.png"):
+        assert (output / picture).stat().st_size > 20_000
+    rows = ["file,pressure_Pa,pressure_error_Pa,height_m,height_error_m,trusted,remarks"]
+    rows += [f"{o.source},{o.pressure},{o.pressure_error},{o.height},{o.height_error},yes," for o in made]
+    (tmp_path / "heights.csv").write_text("\n".join(rows) + "\n")
+    words = ("--heights", tmp_path / "heights.csv", "--fix", "c2=600Pa", "--fix", "c3=0Pa", "--no-profiles")
+    done = fit(case, *words, "-o", tmp_path / "heights", "--poisson", "0.49")
+    assert done.exit_code == 0, done.output
+    assert "4 heights" in done.output
+    found = tomllib.loads((tmp_path / "heights" / "fitted.toml").read_text())["fit"]["values"]["c1"]
+    assert found == pytest.approx(14e3, rel=0.03)

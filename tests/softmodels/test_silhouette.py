@@ -1,0 +1,79 @@
+"""The outline of a device: where it is at rest, that a slice shows what the section shows, and how it moves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.law_choice import LawChoice
+
+SECTION = HollowDisk(section="axisymmetric")
+WEDGE = HollowDisk(angle=30.0, azimuth=20.0)
+ADDED = 0.6e-6
+
+
+@pytest.fixture(scope="module")
+def device(comm, tmp_path_factory):
+    from softmodels.body import Body
+    from softmodels.equilibrium import Equilibrium
+    from softmodels.inflation import Inflation
+
+    folder, known = tmp_path_factory.mktemp("devices"), {}
+
+    def make(disk):
+        if disk.key not in known:
+            choice = LawChoice.from_text("neo-hookean", 0.49)
+            body = Body.from_file(disk, disk.write(folder / f"{disk.name}.msh"), comm)
+            known[disk.key] = Inflation(Equilibrium(body, choice.material({"shear_modulus": 30e3})), choice)
+        return known[disk.key]
+
+    return make
+
+
+@pytest.mark.parametrize("disk", [SECTION, WEDGE], ids=["section", "wedge"])
+def test_at_rest_it_is_the_disk(disk, device):
+    """From the axis along the top to the edge, then down to the bottom, with no gaps."""
+    made = device(disk)
+    curve = made.silhouette.curve(made.equilibrium.rest())
+    ends = curve.nodes[:, :2]
+    assert ends[0, 0] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert ends[1:, 0] == pytest.approx(ends[:-1, 1], abs=1e-12)
+    assert ends[-1, 1] == pytest.approx([disk.outer_radius, -disk.height], abs=1e-9)
+    top = np.abs(curve.nodes[..., 1]) < 1e-9
+    side = np.abs(curve.nodes[..., 0] - disk.outer_radius) < 1e-9
+    assert (top | side).all() and top.any() and side.any()
+    assert made.silhouette.width == pytest.approx(disk.outer_radius)
+
+
+def test_a_slice_shows_what_the_section_shows(device):
+    """Outlines of both within 0.2 % of the rise at one added volume."""
+    curves = []
+    for disk in (SECTION, WEDGE):
+        made = device(disk)
+        (state,) = made.states({"shear_modulus": 30e3}, [ADDED])
+        curves.append(made.curve(state, made.lengths))
+    rise = curves[0].nodes[0, 0, 1]
+    assert rise > 0.8e-3
+    points = curves[1].nodes[:, 0]
+    points = points[points[:, 1] > 0.0]
+    assert len(points) > 4
+    assert np.abs(curves[0].closest(points).distance).max() < 2e-3 * rise
+
+
+def test_it_moves_as_the_derivatives_say(device):
+    """Nodes against central differences in added volume and in the membrane's thickness."""
+    made = device(SECTION)
+    values = {"shear_modulus": 30e3, "membrane": 6.1e-3}
+
+    def nodes(added, membrane):
+        (state,) = made.states({**values, "membrane": membrane}, [added])
+        return made.curve(state, made.take({**values, "membrane": membrane})).nodes
+
+    (state,) = made.states(values, [ADDED])
+    slopes = made.slopes(state, ["membrane"])
+    h, t = 1e-3 * ADDED, 1e-6
+    by_volume = (nodes(ADDED + h, 6.1e-3) - nodes(ADDED - h, 6.1e-3)) / (2 * h)
+    by_membrane = (nodes(ADDED, 6.1e-3 + t) - nodes(ADDED, 6.1e-3 - t)) / (2 * t)
+    assert by_volume == pytest.approx(slopes.along_nodes, abs=1e-5 * np.abs(by_volume).max())
+    assert by_membrane == pytest.approx(slopes.nodes["membrane"], abs=1e-5 * np.abs(by_membrane).max())

@@ -1,0 +1,207 @@
+"""Derivatives of states by parameters: Taylor's remainder against full solves, before and past a limit point."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from geometries import GeometryError, HollowDisk
+from softmodels.controls import pressure_control, volume_control
+from softmodels.equilibrium import Equilibrium
+from softmodels.materials import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.reshaping import Reshaping
+from softmodels.sensitivity import Sensitivity, known_parameters
+from softmodels.sheet import Sheet
+
+LAWS = {
+    "neo-hookean": NeoHookean(30e3, 0.45),
+    "mooney-rivlin": MooneyRivlin(14e3, 400.0, 0.45),
+    "yeoh": Yeoh(15e3, 10.0, 0.1, 0.45),
+    "ogden": Ogden((28e3, 20.0), (2.0, 4.0), 0.45),
+    "gent": Gent(30e3, 300.0, 0.45),
+}
+THIN = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
+WEDGE = HollowDisk(angle=15.0, azimuth=20.0, cell_size=0.008, fillet=0.0, base_fillet=0.0)
+BEFORE, PAST = 0.3, 6.0
+"""Added volumes in cavity radii cubed."""
+
+
+@pytest.fixture(scope="module")
+def sensitivity():
+    known = {}
+
+    def make(equations):
+        if id(equations) not in known:
+            known[id(equations)] = Sensitivity(equations, reshaping(equations))
+        return known[id(equations)]
+
+    return make
+
+
+def reshaping(equations):
+    """A way to move the mesh, which every test leaves as it was read."""
+    return Reshaping(equations.body, ("membrane",))
+
+
+def changed(material, name, by):
+    """A material with one number moved."""
+    field = name if hasattr(material, name) else name[:-1]
+    value = getattr(material, field)
+    if not isinstance(value, tuple):
+        return dataclasses.replace(material, **{field: value + by})
+    return dataclasses.replace(
+        material, **{field: tuple(v + by * (i == int(name[-1]) - 1) for i, v in enumerate(value))}
+    )
+
+
+def size_of(equations, name):
+    """A change of a parameter that is large: a tenth of it, or the whole of a small hardening."""
+    if name == "membrane":
+        return 0.1 * equations.body.actuator.membrane
+    material = equations.material
+    whole = getattr(material, name) if hasattr(material, name) else getattr(material, name[:-1])[int(name[-1]) - 1]
+    return 0.02 if name == "poisson" else 0.1 * whole
+
+
+def moved_state(equations, material, name, by, control, guess):
+    """The state on the line with one parameter moved, as w and P in Pa."""
+    disk, moving = equations.body.actuator, reshaping(equations)
+    if name == "membrane":
+        moving.move({"membrane": disk.membrane + by})
+    else:
+        equations.set_material(changed(material, name, by))
+    line = control / equations.stress_unit if control > 100.0 else control
+    made = pressure_control(line) if control > 100.0 else volume_control(line)
+    w, P = guess
+    state = equations.solve(made, w, P / equations.stress_unit)
+    found = state.w, state.P * equations.stress_unit, state.V * equations.volume_unit
+    equations.set_material(material)
+    moving.move({})
+    return found
+
+
+def remainders(equations, material, state, rate, name, line):
+    """What is left of the change of (w, P, V) after the linear part, for steps halved twice, relative to the linear part."""
+    P, V = state.P * equations.stress_unit, state.V * equations.volume_unit
+    left = []
+    for step in size_of(equations, name) * np.array([0.5, 0.25, 0.125]):
+        guess = state.w + step * rate.w, P + step * rate.P
+        w, new_P, new_V = moved_state(equations, material, name, step, line, guess)
+        left.append(
+            [
+                np.linalg.norm(w - state.w - step * rate.w),
+                abs(new_P - P - step * rate.P),
+                abs(new_V - V - step * rate.V),
+            ]
+        )
+    whole = [np.linalg.norm(state.w), abs(P), abs(V)]
+    return np.array(left) / whole
+
+
+def check(equations, sensitivity, material, state, line=None, names=None):
+    """Every parameter's remainder falls as the square of the step, or is nothing."""
+    control = volume_control(state.V) if line is None else pressure_control(state.P)
+    line = state.V if line is None else line
+    names = names or (*known_parameters(material), "membrane")
+    _, rates = sensitivity(equations).rates(state, control, names)
+    for name in names:
+        left = remainders(equations, material, state, rates[name], name, line)
+        for quantity in left.T:
+            if quantity[0] > 1e-6:
+                assert np.log2(quantity[:-1] / quantity[1:])[-1] == pytest.approx(2.0, abs=0.25), name
+            else:
+                assert quantity[-1] < 1e-6 and quantity[0] < 1e-6, name
+    assert any(np.linalg.norm(rate.w) > 0.0 for rate in rates.values())
+    return rates
+
+
+def at(solved, equations, added):
+    _, points, end = solved(equations, [added], "auto", "volume")
+    assert end is None
+    return points[-1]
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+def test_rates_on_both_sides_of_a_limit_point(law, equilibrium, solved, sensitivity):
+    equations = equilibrium(THIN, law)
+    before, past = at(solved, equations, BEFORE), at(solved, equations, PAST)
+    assert before.tangent.P > 0.0
+    check(equations, sensitivity, law, before.state)
+    assert past.tangent.P * past.tangent.V < 0.0
+    check(equations, sensitivity, law, past.state)
+
+
+@pytest.mark.parametrize("law", ["neo-hookean", "yeoh"])
+def test_rates_without_a_pressure_field(law, equilibrium, solved, sensitivity):
+    equations = equilibrium(THIN, LAWS[law], "displacement")
+    check(equations, sensitivity, LAWS[law], at(solved, equations, PAST).state)
+
+
+def test_rates_of_a_slice(equilibrium, solved, sensitivity):
+    law = LAWS["neo-hookean"]
+    equations = equilibrium(WEDGE, law)
+    check(equations, sensitivity, law, at(solved, equations, 0.1).state)
+
+
+def test_rates_with_a_sheet(body_of, solved):
+    """A bonded sheet keeps its own stiffness as the silicone's changes."""
+    law, disk = LAWS["neo-hookean"], dataclasses.replace(THIN, membrane=0.003)
+    equations = Equilibrium(body_of(disk), law, sheet=Sheet("top", 30.0))
+    making = Sensitivity(equations, reshaping(equations))
+    rates = check(equations, lambda _: making, law, at(solved, equations, BEFORE).state)
+    assert np.linalg.norm(rates["shear_modulus"].w) > 0.0
+
+
+def test_rates_at_a_given_pressure(equilibrium, solved, sensitivity):
+    """On a line of pressure it is the volume that follows; a stiffness changes w there although it does not on a volume."""
+    law = LAWS["neo-hookean"]
+    equations = equilibrium(THIN, law)
+    state = at(solved, equations, BEFORE).state
+    rates = check(equations, sensitivity, law, state, line=state.P * equations.stress_unit)
+    assert all(pytest.approx(0.0, abs=1e-9) == rate.P for rate in rates.values())
+    assert rates["shear_modulus"].V < 0.0 and rates["membrane"].V < 0.0
+
+
+def test_incompressible_rubber_has_a_rate_by_poisson(equilibrium, solved, sensitivity):
+    """At 0.5 the bulk modulus is infinite, and its inverse has a slope all the same."""
+    law = NeoHookean(30e3, 0.5)
+    equations = equilibrium(THIN, law)
+    state = at(solved, equations, BEFORE).state
+    _, rates = sensitivity(equations).rates(state, volume_control(state.V), ["poisson"])
+    slopes = []
+    for step in (-0.004, -0.002):
+        moved = moved_state(equations, law, "poisson", step, state.V, (state.w, state.P * equations.stress_unit))
+        slopes.append((moved[1] - state.P * equations.stress_unit) / step)
+    assert 2 * slopes[1] - slopes[0] == pytest.approx(rates["poisson"].P, rel=1e-3)
+
+
+def test_a_modulus_alone_moves_no_shape(equilibrium, solved, sensitivity):
+    """At a given volume one stress scales the pressure and nothing else."""
+    law = LAWS["neo-hookean"]
+    equations = equilibrium(THIN, law)
+    state = at(solved, equations, PAST).state
+    _, rates = sensitivity(equations).rates(state, volume_control(state.V), ["shear_modulus"])
+    assert np.abs(rates["shear_modulus"].w).max() * law.shear_modulus < 1e-14
+    assert rates["shear_modulus"].P * law.shear_modulus == pytest.approx(state.P * equations.stress_unit, rel=1e-14)
+
+
+def test_a_length_that_the_mesh_cannot_follow(equilibrium):
+    with pytest.raises(GeometryError, match="does not move with wall, only with membrane"):
+        Reshaping(equilibrium(THIN, LAWS["neo-hookean"]).body, ("wall",))
+
+
+def test_moved_mesh_is_the_other_disk(equilibrium, solved):
+    """A mesh stretched to another thickness gives the states of a mesh made for it, to the mesh's own error."""
+    law = LAWS["neo-hookean"]
+    disk = HollowDisk.variant("shadow", section="axisymmetric")
+    equations, other = (equilibrium(d, law) for d in (disk, dataclasses.replace(disk, membrane=0.0021)))
+    expected = at(solved, other, BEFORE).state.P
+    moving = reshaping(equations)
+    moving.move({"membrane": 0.0021})
+    found = at(solved, equations, BEFORE).state.P
+    moving.move({})
+    plain = at(solved, equations, BEFORE).state.P
+    assert found == pytest.approx(expected, rel=2e-3)
+    assert abs(plain / expected - 1) > 0.03
