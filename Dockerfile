@@ -2,10 +2,10 @@
 FROM debian:trixie-slim
 
 # A C compiler for the equations (compiled at run time), the X and GL libraries that Gmsh and VTK link against even where
-# nothing is shown. The rest comes from PyPI.
+# nothing is shown, GLib for lensfun. The rest comes from PyPI.
 RUN apt-get update \
  && apt-get install --no-install-recommends -y ca-certificates gcc libc6-dev python3 python3-dev python3-venv \
-    libegl1 libfontconfig1 libgl1 libglu1-mesa libxcursor1 libxfixes3 libxft2 libxinerama1 libxrender1 \
+    libegl1 libfontconfig1 libgl1 libglib2.0-0t64 libglu1-mesa libxcursor1 libxfixes3 libxft2 libxinerama1 libxrender1 \
  && rm -rf /var/lib/apt/lists/*
 
 # uv in an environment of its own, since Debian keeps pip away from its Python.

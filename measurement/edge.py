@@ -53,7 +53,7 @@ class Edge:
         width: Standard deviation of the penumbra and blur in px, shape (n,).
         contrast: Share of the local light that the shadow takes away, shape (n,).
         shape_misfit: Root mean square distance of the profiles' common shape from the curve, over the curve's rise.
-        on_ink: Whether that shape had to be learnt on the grid's lines, because the whole edge lies on them.
+        on_ink: Whether more than half of the edge lies on the grid's lines, which blurs that shape.
     """
 
     px: Array
@@ -263,10 +263,11 @@ def _local_median(value: Array, window: int = 31) -> Array:
 def _shape_misfit(z: Array, residual: Array, clean: npt.NDArray[np.bool_]) -> tuple[float, bool]:
     """How far the median of all profiles lies from the curve: noise goes, what they have in common stays."""
     bins = np.floor((z + 3.0) * 4.0).astype(np.int64)
-    # An edge that runs along a grid line has no sample off the ink; what the ink takes is known well enough then.
+    # An edge that runs along a grid line has hardly a sample off the ink; what the ink takes is known well enough then.
+    on_ink = float(clean.mean()) < 0.5
     for counted in (clean, np.ones_like(clean)):
         chosen = [residual[counted & (bins == number)] for number in range(24)]
         medians = [np.median(values) for values in chosen if len(values) >= 20]
         if len(medians) >= 12:
-            return float(np.sqrt(np.mean(np.square(medians)))), counted is not clean
+            return float(np.sqrt(np.mean(np.square(medians)))), on_ink
     return np.nan, True

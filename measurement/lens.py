@@ -11,12 +11,15 @@ import dataclasses
 import math
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-import lensfunpy
 import numpy as np
 from PIL import ExifTags, Image, UnidentifiedImageError
 
 from measurement.camera import Camera, CameraError, Points, beyond_projection, frame_points
+
+if TYPE_CHECKING:
+    import lensfunpy
 
 DIAGONAL = math.hypot(36.0, 24.0)
 """Diagonal in mm of the frame that a crop factor of one means."""
@@ -115,6 +118,7 @@ def lens_profile(
         raise CameraError(
             f"the lens {glass.model} goes from {glass.min_focal:g} to {glass.max_focal:g} mm, not {focal:g} mm"
         )
+    lensfunpy = _lensfun()
     if glass.type != lensfunpy.LensType.RECTILINEAR:
         raise CameraError(f"the lens {glass.model} is no rectilinear lens; calibrate it from chessboards")
     calibration = glass.interpolate_distortion(focal)
@@ -138,8 +142,20 @@ def lens_profile(
     return dataclasses.replace(plain, error_px=PROFILE_SHARE * float(np.sqrt(np.mean(bend**2))))
 
 
+def _lensfun() -> Any:
+    """The library, loaded where it is asked for: it links against GLib, which a bare machine lacks and nothing else needs."""
+    try:
+        import lensfunpy
+    except ImportError as error:
+        raise CameraError(
+            f"lensfun's library cannot be loaded ({error}); install GLib (libglib2.0-0 on Debian), calibrate the lens "
+            "from chessboards, or leave it out with --lens none"
+        ) from None
+    return lensfunpy
+
+
 def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tuple[lensfunpy.Camera, lensfunpy.Lens]:
-    known = lensfunpy.Database(load_common=False) if database is None else _database_file(Path(database))
+    known = _lensfun().Database(load_common=False) if database is None else _database_file(Path(database))
     bodies = known.find_cameras(maker or None, camera) or known.find_cameras(None, camera)
     if not bodies:
         raise CameraError(f"lensfun does not know the camera {maker} {camera}; check its name or calibrate it")
@@ -162,6 +178,7 @@ def _database_file(path: Path) -> lensfunpy.Database:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise CameraError(f"the lens profile {path} cannot be read: {error}") from None
+    lensfunpy = _lensfun()
     # Files of lensfun's version 2 write the distortion models that version 1 knows in the same words.
     text = re.sub(r'(<lensdatabase[^>]*\bversion=")2"', r'\g<1>1"', text)
     try:

@@ -74,7 +74,8 @@ def device_command(
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
             law = {key: values.pop(key) for key in material_names()}
-            material = material_from(values.pop("material") or default, law)
+            named = values.pop("material")
+            material = material_from(default if named is None else named, law)
             return Case(
                 name=name, actuator=device_from(device, values), material=material,
                 pressures_cm=series(pressure_cm, "pressure") if pressure_cm is not None else (),
