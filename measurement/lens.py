@@ -34,6 +34,9 @@ A profile was measured on another copy of the lens, mostly at another focus dist
 for the same lens differ by about this much. A calibration from chessboards has no such guess.
 """
 
+ZOOM = 0.1
+"""Share by which neighbouring focal lengths differ whose distortion tells a profile's error."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Exif:
@@ -124,11 +127,22 @@ def lens_profile(
     calibration = glass.interpolate_distortion(focal)
     if calibration is None or calibration.model == lensfunpy.DistortionModel.NONE:
         raise CameraError(f"lensfun knows the lens {glass.model} but not its distortion; calibrate it from chessboards")
-    modifier = lensfunpy.Modifier(glass, body.crop_factor, width, height)
-    modifier.initialize(
-        focal, aperture or known.aperture or 8.0, distance or known.distance or 1000.0, scale=1.0,
-        flags=lensfunpy.ModifyFlags.DISTORTION,
-    )  # fmt: skip
+    stops = (aperture or known.aperture or 8.0, distance or known.distance or 1000.0)
+    # A zoom's distortion changes sign somewhere; right there the profile names none, and its neighbours tell its error.
+    near = np.clip(np.array([1.0, 1.0 - ZOOM, 1.0 + ZOOM]) * focal, glass.min_focal, glass.max_focal)
+    cameras = [_at_focal(body, glass, float(length), stops, width, height) for length in near]
+    ideal = frame_points(width, height)
+    bends = [np.sqrt(np.mean(beyond_projection(ideal, camera.distort(ideal)) ** 2)) for camera in cameras]
+    return dataclasses.replace(cameras[0], error_px=PROFILE_SHARE * float(max(bends)))
+
+
+def _at_focal(
+    body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, stops: tuple[float, float], width: int, height: int
+) -> Camera:
+    """The camera at one focal length in mm, without its error; ``stops`` are f-number and focus distance in m."""
+    lensfun = _lensfun()
+    modifier = lensfun.Modifier(glass, body.crop_factor, width, height)
+    modifier.initialize(focal, *stops, scale=1.0, flags=lensfun.ModifyFlags.DISTORTION)
     unit, size = 0.5 * math.hypot(width, height), min(width, height) - 1
     centre = np.array([(width - 1 + glass.center_x * size) / 2, (height - 1 + glass.center_y * size) / 2])
     ideal = frame_points(width, height)
@@ -137,9 +151,7 @@ def lens_profile(
     matrix = np.array([[focal * pixel, 0, (width - 1) / 2], [0, focal * pixel, (height - 1) / 2], [0, 0, 1]])
     coefficients = np.concatenate([[unit], centre, powers])
     source = f"lensfun: {body.model}, {glass.model} at {focal:g} mm"
-    plain = Camera(matrix, coefficients, width, height, source, 0.0, "lensfun")
-    bend = beyond_projection(ideal, plain.distort(ideal))
-    return dataclasses.replace(plain, error_px=PROFILE_SHARE * float(np.sqrt(np.mean(bend**2))))
+    return Camera(matrix, coefficients, width, height, source, 0.0, "lensfun")
 
 
 def _lensfun() -> Any:
