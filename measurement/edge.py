@@ -53,7 +53,7 @@ class Edge:
         width: Standard deviation of the penumbra and blur in px, shape (n,).
         contrast: Share of the local light that the shadow takes away, shape (n,).
         shape_misfit: Root mean square distance of the profiles' common shape from the curve, over the curve's rise.
-        on_ink: Whether more than half of the edge lies on the grid's lines, which blurs that shape.
+        on_ink: Whether one side of the edge lies mostly on the grid's lines, which blurs that shape.
     """
 
     px: Array
@@ -263,8 +263,10 @@ def _local_median(value: Array, window: int = 31) -> Array:
 def _shape_misfit(z: Array, residual: Array, clean: npt.NDArray[np.bool_]) -> tuple[float, bool]:
     """How far the median of all profiles lies from the curve: noise goes, what they have in common stays."""
     bins = np.floor((z + 3.0) * 4.0).astype(np.int64)
-    # An edge that runs along a grid line has hardly a sample off the ink; what the ink takes is known well enough then.
-    on_ink = float(clean.mean()) < 0.5
+    # An edge that runs along a grid line, or just beside it, has hardly a sample off the ink on one side; what the ink takes
+    # is known well enough then.
+    sides = (np.abs(z + 1.5) < 1.0, np.abs(z - 1.5) < 1.0)
+    on_ink = any(clean[side].mean() < 0.5 for side in sides if side.any())
     for counted in (clean, np.ones_like(clean)):
         chosen = [residual[counted & (bins == number)] for number in range(24)]
         medians = [np.median(values) for values in chosen if len(values) >= 20]

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import shutil
+import subprocess
+import sys
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -158,3 +163,25 @@ def test_a_whole_fit(case, outlines, comm, tmp_path):
     assert "4 heights" in done.output
     found = tomllib.loads((tmp_path / "heights" / "fitted.toml").read_text())["fit"]["values"]["c1"]
     assert found == pytest.approx(14e3, rel=0.03)
+    mpirun = shutil.which("mpirun", path=str(Path(sys.executable).parent)) or shutil.which("mpirun")
+    if mpirun is not None:
+        words = [
+            mpirun,
+            "-n",
+            "2",
+            sys.executable,
+            "-m",
+            "softmodels.fit",
+            case,
+            folder,
+            "--fix",
+            "c3=0Pa",
+            "--poisson",
+            "0.49",
+        ]
+        words += ["--no-profiles", "--no-pictures", "-o", tmp_path / "two"]
+        subprocess.run(
+            [str(word) for word in words], check=True, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
+        )
+        two = tomllib.loads((tmp_path / "two" / "fitted.toml").read_text())["fit"]["values"]
+        assert two["c1"] == pytest.approx(values["c1"], rel=1e-8) and two["c2"] == pytest.approx(values["c2"], rel=1e-8)

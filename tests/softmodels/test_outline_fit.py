@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.fit_problem import CannotEvaluate
+from softmodels.fit_problem import CannotEvaluate, Prior
 from softmodels.height_fit import Height, HeightResiduals, check_heights, fit_heights
 from softmodels.law_choice import LawChoice
 from softmodels.outline_data import prepare
@@ -27,6 +27,9 @@ from softmodels.outline_fit import (
 )
 from softmodels.outline_start import starts
 from softmodels.simulated_outlines import Camera, simulated_outlines
+from softmodels.specimens import respond
+from softmodels.tensile import TensileCurve
+from softmodels.tensile_fit import StressError, residuals_of
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
 THIN = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
@@ -191,3 +194,24 @@ def test_heights_alone(inflation):
     found = fit_heights(HeightResiduals(device, rough), changes=hold)
     low, high = found.interval("c1")
     assert low < 14e3 < high and high - low > 20.0
+
+
+def test_a_tensile_curve_tells_the_leak(inflation):
+    """Outlines hold leak and hardening together only as their product; a curve of the same silicone parts them."""
+    device, rng = inflation(poisson=0.5), np.random.default_rng(6)
+    choice, bench = device.choice, {"leak": 0.04, "centre": 1e-3}
+    outlines = simulated_outlines(device, HARDENING, PRESSURES, Camera(bench=bench), rng=rng)
+    stretch = np.linspace(1.0, 2.5, 40)
+    stress = respond(choice.material(HARDENING), stretch).stress
+    error = StressError(0.01, 50.0, True)
+    noise = np.hypot(error.relative * stress, error.absolute) * rng.standard_normal(len(stretch))
+    curve = TensileCurve("pull", "uniaxial", stretch, stress + noise)
+    changes = {"leak": {"prior": Prior(0.0, 0.1)}}
+    alone = fit_outlines(source_of(device, outlines), changes=changes)
+    sources, gauges = residuals_of([curve], choice, error, 0.01)
+    both = fit_outlines(source_of(device, outlines), more=sources, others=gauges, changes=changes)
+    truth = HARDENING | bench
+    for name in ("c1", "c2", "c3", "leak"):
+        assert abs(both.values[name] - truth[name]) < 3.0 * both.error(name), name
+        assert both.error(name) < alone.error(name), name
+    assert both.error("leak") < 0.5 * alone.error("leak")
