@@ -14,7 +14,6 @@ import re
 import numpy as np
 
 from geometries.errors import GeometryError
-from measurement.units import UnitError, quantity
 
 AXES = "xyz"
 NUMBER = r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*"
@@ -73,6 +72,8 @@ def point(field: str, text: str) -> tuple[float, float, float]:
 
 
 def _length(field: str, text: str) -> float:
+    from measurement.units import UnitError, quantity  # not above: whoever imports the devices need not have pint
+
     try:
         return quantity(text, "m")
     except UnitError as error:

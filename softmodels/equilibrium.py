@@ -119,26 +119,29 @@ class Equilibrium:
         else:
             density += self.bulk / 2 * (strain.J - 1) ** 2
         dx, _ = body.measures()
-        stored = density * body.hoop * dx
-        if sheet is not None:
-            on_face, normal = body.sheet_face(sheet.face)
-            energy = membrane_energy(body.deformation_gradient(y), normal)
-            stored += self._stiffness * energy * body.hoop * on_face
-        volume = body.volume(y, sheet.face if sheet is not None else None)
-        inner, load = ufl.derivative(stored, self.w, test), ufl.derivative(volume, self.w, test)
+        volume = body.volume(y)
+        load = ufl.derivative(volume, self.w, test)
         jit = {"cffi_extra_compile_args": ["-O2"]}
         form = functools.partial(fem.form, jit_options=jit)
-        self._stored, self._volume = form(stored), form(volume)
-        self._inner, self._load = form(inner), form(load)
-        residual = inner - self.P * load
+        self._volume, self._load = form(volume), form(load)
         self._direction = fem.Function(self.space)
-        self._product = form(ufl.derivative(residual, self.w, self._direction))
-        self._tangent = form(ufl.derivative(residual, self.w, trial))
+        # A sheet's terms are forms of their own, added up when assembled: a body with a sheet shares the plain body's.
+        self._stored: list[Any] = []
+        self._inner: list[Any] = []
+        self._product: list[Any] = []
+        self._tangent: list[Any] = []
+        for energy, factor in ((density * body.hoop * dx, self.P), *self._sheet_energy(y)):
+            inner = ufl.derivative(energy, self.w, test)
+            residual = inner if factor is None else inner - factor * load
+            self._stored.append(form(energy))
+            self._inner.append(form(inner))
+            self._product.append(form(ufl.derivative(residual, self.w, self._direction)))
+            self._tangent.append(form(ufl.derivative(residual, self.w, trial)))
 
         vectors = self.space.sub(0) if self.mixed else self.space
         zero = np.array(0.0)
         self.bcs = [fem.dirichletbc(zero, dofs, vectors.sub(component)) for component, dofs in body.held(vectors)]
-        self.K = fem_petsc.create_matrix(self._tangent)
+        self.K = fem_petsc.create_matrix(self._tangent[0])  # a sheet couples no others than its cells do
         self.K.setOption(self.K.Option.SYMMETRIC, True)
         self.K.setOption(self.K.Option.SYMMETRY_ETERNAL, True)
         self.system = Bordered(self.K, self._multiply)
@@ -150,6 +153,14 @@ class Equilibrium:
         self.n = self.system.n
         self._make_solver()
         self._check_volume()
+
+    def _sheet_energy(self, y: Any) -> list[tuple[Any, None]]:
+        """The sheet's energy, which no pressure works on; nothing without a sheet."""
+        if self.sheet is None:
+            return []
+        on_face, normal = self.body.sheet_face(self.sheet.face)
+        energy = membrane_energy(self.body.deformation_gradient(y), normal)
+        return [(self._stiffness * energy * self.body.hoop * on_face, None)]
 
     def _check_volume(self) -> None:
         """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
@@ -197,13 +208,14 @@ class Equilibrium:
         self.P.value = P
         return P
 
-    def _assemble(self, form: Any) -> npt.NDArray[np.float64]:
-        """Assembled linear form, owned entries, zero at held dofs."""
+    def _assemble(self, forms: list[Any]) -> npt.NDArray[np.float64]:
+        """Sum of assembled linear forms, owned entries, zero at held dofs."""
         from dolfinx import fem, la
 
         b = self._vector.x
         b.array[:] = 0.0
-        fem.assemble_vector(b.array, form)
+        for form in forms:
+            fem.assemble_vector(b.array, form)
         b.scatter_reverse(la.InsertMode.add)
         for bc in self.bcs:
             bc.set(b.array, alpha=0.0)
@@ -220,7 +232,7 @@ class Equilibrium:
 
     def stored_energy(self) -> float:
         """Energy stored in the body in the current state."""
-        return self._scalar(self._stored)
+        return sum(self._scalar(form) for form in self._stored)
 
     def force(self, role: str, component: int) -> float:
         """Force of the current state on whatever holds a role along a component of w, of the slice, dimensionless.
@@ -234,7 +246,7 @@ class Equilibrium:
         dofs = fem.locate_dofs_topological(vectors.sub(component), dimension, found)
         b = self._vector.x
         total_force = 0.0
-        for form, factor in ((self._inner, -1.0), (self._load, float(self.P.value))):
+        for form, factor in (*((form, -1.0) for form in self._inner), (self._load, float(self.P.value))):
             b.array[:] = 0.0
             fem.assemble_vector(b.array, form)
             b.scatter_reverse(la.InsertMode.add)
@@ -248,7 +260,7 @@ class Equilibrium:
 
     def _residual(self, snes: Any, x: Any, f: Any) -> None:
         P = self._take(x)
-        self.system.q.array_w[:] = self._assemble(self._load)
+        self.system.q.array_w[:] = self._assemble([self._load])
         inner = self._assemble(self._inner)
         control = self.system.control
         gap = control.value(self.volume() if control.volume else 0.0, P) - control.target
@@ -258,8 +270,9 @@ class Equilibrium:
         from dolfinx.fem import petsc as fem_petsc
 
         self.K.zeroEntries()
-        fem_petsc.assemble_matrix(self.K, self._tangent, bcs=self.bcs)
-        self.K.assemble()
+        for form in self._tangent:
+            fem_petsc.assemble_matrix(self.K, form, bcs=self.bcs)
+            self.K.assemble()  # between the forms too: held dofs' diagonal is put in, the rest is added up
 
     def _multiply(self, x: Any, y: Any) -> None:
         """Tangent of the current state times x. Far cheaper than assembling the matrix, and only good for products."""
@@ -371,7 +384,7 @@ class Equilibrium:
     def factorise(self, state: State) -> None:
         """Factorise the tangent at ``state``, to be kept for the solves that follow."""
         self.load(state)
-        self.system.q.array_w[:] = self._assemble(self._load)
+        self.system.q.array_w[:] = self._assemble([self._load])
         self._assemble_tangent()
         self.system.factorise()
         self.age, self._adrift = 0, False
@@ -389,7 +402,7 @@ class Equilibrium:
         """
         self.load(state)
         system, ksp = self.system, self.snes.getKSP()
-        system.q.array_w[:] = self._assemble(self._load)
+        system.q.array_w[:] = self._assemble([self._load])
         system.control = control
         system.refresh()
         rhs, x = self._f, self._x
