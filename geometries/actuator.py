@@ -164,6 +164,11 @@ class Actuator(ABC):
         """Role that is held along the lift, so that the device pushes on it with its blocked force; None if it is free."""
         return None
 
+    @property
+    def pushed(self) -> str | None:
+        """Face that a load along the lift is spread over to tell the device's stiffness; None if nothing is asked of it."""
+        return None
+
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """What this kind of device is judged by, beyond the rise of its probes; nothing unless a device says so.
 

@@ -35,7 +35,7 @@ def mirror_mesh(mirror: Mirror) -> None:
     image[tags[moved]] = int(tags.max()) + 1 + np.arange(np.count_nonzero(moved))
     places[:, mirror.axis] *= -1.0
 
-    made = []
+    made: list[tuple[int, str, list[int], int]] = []
     for name, (dimension, group) in sorted(groups.items(), key=lambda item: item[1], reverse=True):  # cells first
         if name == mirror.role:
             continue
@@ -47,12 +47,12 @@ def mirror_mesh(mirror: Mirror) -> None:
             for kind, _, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity), strict=True):
                 turned = image[nodes].reshape(-1, len(TURNED[kind]))[:, TURNED[kind]]
                 gmsh.model.mesh.addElementsByType(copy, kind, [], turned.ravel())
-        made.append((dimension, group, name, entities, copy))
+        made.append((dimension, name, entities, copy))
     gmsh.model.removePhysicalGroups()
     for name in groups:  # Gmsh keeps the names, and would not give them anew
         gmsh.model.removePhysicalName(name)
     joined: dict[tuple[int, str], list[int]] = {}
-    for dimension, _, name, entities, copy in made:
+    for dimension, name, entities, copy in made:
         joined.setdefault((dimension, name), []).extend(entities)
         joined.setdefault((dimension, mirror.renamed.get(name, name)), []).append(copy)
     for (dimension, name), members in sorted(joined.items()):

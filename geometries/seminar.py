@@ -125,6 +125,10 @@ class SeminarActuator(Actuator):
     def blocked(self) -> str | None:
         return "tip" if self.tip == "held" else None
 
+    @property
+    def pushed(self) -> str | None:
+        return "tip" if self.tip == "free" and self.tip_radius > 0.0 else None
+
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """How the slab is bent, from where its tip is; see `Actuator.device_figures`.
 

@@ -77,14 +77,17 @@ def _prism(slab: SeminarActuator) -> Entity:
     import gmsh
 
     occ = gmsh.model.occ
-    bottom, height = (0.0, 0.5 * MM * slab.thickness) if slab.level else (-0.5 * MM * slab.thickness, MM * slab.thickness)
+    bottom, height = (
+        (0.0, 0.5 * MM * slab.thickness) if slab.level else (-0.5 * MM * slab.thickness, MM * slab.thickness)
+    )
     length, half, radius = MM * slab.length, 0.5 * MM * slab.base_width, MM * slab.tip_radius
     x, y = (MM * at for at in side(slab)[1])
     base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, half, bottom)
     tip = occ.addPoint(length, 0, bottom)
     if radius > 0.0:
         turn, centre = occ.addPoint(x, y, bottom), occ.addPoint(length - radius, 0, bottom)
-        flank = [occ.addLine(turn, corner), occ.addCircleArc(tip, centre, turn)][::-1]
+        flank = [occ.addCircleArc(tip, centre, turn), occ.addLine(turn, corner)]
+        occ.remove([(0, centre)])  # a point on its own would become a node of no cell
     else:
         flank = [occ.addLine(tip, corner)]
     loop = occ.addCurveLoop([occ.addLine(base, tip), *flank, occ.addLine(corner, base)])
@@ -172,6 +175,7 @@ def _air(slab: SeminarActuator, line: Channel) -> Entity:
         occ.addCircleArc(last, centre, end),
         occ.addLine(end, begin),
     ]
+    occ.remove([(0, centre)])
     face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
     turned = occ.revolve([(2, face)], 0, 0, MM * slab.offset, c, s, 0, 2.0 * math.pi)
     occ.remove([(2, face)], recursive=True)

@@ -113,7 +113,9 @@ class Body:
         import ufl
 
         N = ufl.FacetNormal(self.mesh)
-        return self._on_facets(self._sheet_tags(role))(SHEET), ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
+        return self._on_facets(self._sheet_tags(role))(SHEET), ufl.as_vector(
+            [N[0], 0, N[1]]
+        ) if self.axisymmetric else N
 
     def _on_facets(self, tags: Any) -> Any:
         import ufl
@@ -235,7 +237,7 @@ class Body:
             if direction is None:
                 result.append((role, list(range(d))))
                 continue
-            weights = _in_section(direction, d) @ self.skew_inverse
+            weights = in_section(direction, d) @ self.skew_inverse
             largest = int(np.argmax(np.abs(weights)))
             if np.abs(np.delete(weights, largest)).max() > 1e-12 * abs(weights[largest]):
                 raise BodyError(f"role {role!r} is held along {direction}, which mixes the directions of other roles")
@@ -247,7 +249,8 @@ def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
     return np.array([CAVITY, *range(SHEET + 1, SHEET + count)], dtype=np.int32)
 
 
-def _in_section(direction: Any, dimension: int) -> npt.NDArray[np.float64]:
+def in_section(direction: Any, dimension: int) -> npt.NDArray[np.float64]:
+    """A direction of device coordinates in those of the mesh."""
     d = np.asarray(direction, dtype=float)
     return d if dimension == 3 else d[[0, 2]]
 
@@ -258,7 +261,7 @@ def _skew(actuator: Actuator) -> npt.NDArray[np.float64]:
     wanted = [plane.normal for plane in actuator.cut_planes]
     wanted += [hold.direction for hold in actuator.holds if hold.direction is not None]
     rows: list[npt.NDArray[np.float64]] = []
-    for direction in [*(_in_section(v, d) for v in wanted), *np.eye(d)[::-1]]:
+    for direction in [*(in_section(v, d) for v in wanted), *np.eye(d)[::-1]]:
         candidate = [*rows, direction / np.linalg.norm(direction)]
         if len(candidate) <= d and np.linalg.svd(np.array(candidate), compute_uv=False)[-1] > 1e-6:
             rows = candidate

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.body import QUADRATURE_DEGREE, Body, BodyError
+from softmodels.body import QUADRATURE_DEGREE, Body, BodyError, in_section
 from softmodels.bordered import Bordered
-from softmodels.controls import Control
+from softmodels.controls import Control, pressure_control
 from softmodels.materials import Material, MaterialError
 from softmodels.parallel import largest, total
 from softmodels.sheet import Sheet, membrane_energy
@@ -125,23 +125,19 @@ class Equilibrium:
         form = functools.partial(fem.form, jit_options=jit)
         self._volume, self._load = form(volume), form(load)
         self._direction = fem.Function(self.space)
-        # A sheet's terms are forms of their own, added up when assembled: a body with a sheet shares the plain body's.
-        self._stored: list[Any] = []
-        self._inner: list[Any] = []
-        self._product: list[Any] = []
-        self._tangent: list[Any] = []
-        for energy, factor in ((density * body.hoop * dx, self.P), *self._sheet_energy(y)):
-            inner = ufl.derivative(energy, self.w, test)
-            residual = inner if factor is None else inner - factor * load
-            self._stored.append(form(energy))
-            self._inner.append(form(inner))
-            self._product.append(form(ufl.derivative(residual, self.w, self._direction)))
-            self._tangent.append(form(ufl.derivative(residual, self.w, trial)))
+        # Every term of the potential has forms of its own, added up when assembled: bodies share the law's, laws the load's.
+        energies = [density * body.hoop * dx, *self._sheet_energy(y)]
+        self._stored = [form(energy) for energy in energies]
+        forces = [ufl.derivative(energy, self.w, test) for energy in energies]
+        self._inner = [form(force) for force in forces]
+        forces.append(-self.P * load)
+        self._product = [form(ufl.derivative(force, self.w, self._direction)) for force in forces]
+        self._tangent = [form(ufl.derivative(force, self.w, trial)) for force in forces]
 
         vectors = self.space.sub(0) if self.mixed else self.space
         zero = np.array(0.0)
         self.bcs = [fem.dirichletbc(zero, dofs, vectors.sub(component)) for component, dofs in body.held(vectors)]
-        self.K = fem_petsc.create_matrix(self._tangent[0])  # a sheet couples no others than its cells do
+        self.K = fem_petsc.create_matrix(self._tangent[0])  # facets couple no others than their cells do
         self.K.setOption(self.K.Option.SYMMETRIC, True)
         self.K.setOption(self.K.Option.SYMMETRY_ETERNAL, True)
         self.system = Bordered(self.K, self._multiply)
@@ -154,13 +150,13 @@ class Equilibrium:
         self._make_solver()
         self._check_volume()
 
-    def _sheet_energy(self, y: Any) -> list[tuple[Any, None]]:
-        """The sheet's energy, which no pressure works on; nothing without a sheet."""
+    def _sheet_energy(self, y: Any) -> list[Any]:
+        """The sheet's energy; nothing without a sheet."""
         if self.sheet is None:
             return []
         on_face, normal = self.body.sheet_face(self.sheet.face)
         energy = membrane_energy(self.body.deformation_gradient(y), normal)
-        return [(self._stiffness * energy * self.body.hoop * on_face, None)]
+        return [self._stiffness * energy * self.body.hoop * on_face]
 
     def _check_volume(self) -> None:
         """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
@@ -312,14 +308,17 @@ class Equilibrium:
         snes.setLineSearchPreCheck(self._guard)
         snes.setConvergenceTest(self._converged)
         snes.setMaxLinearSolveFailures(3)
-        ksp: Any = snes.getKSP()
-        ksp.setType("gmres")
-        ksp.setGMRESRestart(60)
-        ksp.setPCSide(PETSc.PC.Side.RIGHT)
-        ksp.setTolerances(rtol=LOOSEST, atol=0.0, max_it=60)
-        pc = ksp.getPC()
-        pc.setType("python")
-        pc.setPythonContext(self.system)
+        # Questions aside of the path have a solver of their own: its iterations do not count as the path's.
+        self._side = PETSc.KSP().create(self.comm)
+        solvers: list[tuple[Any, float]] = [(snes.getKSP(), LOOSEST), (self._side, TANGENT_TOLERANCE)]
+        for ksp, tolerance in solvers:
+            ksp.setType("gmres")
+            ksp.setGMRESRestart(60)
+            ksp.setPCSide(PETSc.PC.Side.RIGHT)
+            ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=60)
+            pc = ksp.getPC()
+            pc.setType("python")
+            pc.setPythonContext(self.system)
         snes.setFromOptions()
 
     def _guard(self, x: Any, y: Any) -> bool:
@@ -420,6 +419,37 @@ class Equilibrium:
         direction.scatter_forward()
         self._y.array_w[:] = body
         return Tangent(direction.array.copy(), dP, system.q.dot(self._y))
+
+    def compliance(self, state: State, load: npt.NDArray[np.float64]) -> float:
+        """Work of a dead load (owned entries, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
+
+        One more back-substitution with the factorisation at hand and a few iterations; infinite where the tangent has no
+        solution.
+        """
+        self.load(state)
+        system, rhs, x = self.system, self._f, self._x
+        ksp: Any = self._side
+        system.control = pressure_control(0.0)
+        system.join(rhs, load, 0.0)
+        system.mat.assemble()
+        ksp.setOperators(system.mat)
+        ksp.solve(rhs, x)
+        if ksp.getConvergedReason() <= 0:
+            return math.inf
+        return total(self.comm, float(load @ system.split(x)[0]))
+
+    def face_load(self, role: str, direction: Any) -> npt.NDArray[np.float64]:
+        """A unit load on the slice, spread evenly over a role's undeformed facets: owned entries, zero at held dofs."""
+        import ufl
+        from dolfinx import fem
+
+        measure, _ = self.body.sheet_face(role)
+        test = ufl.TestFunction(self.space)
+        y = ufl.split(test)[0] if self.mixed else test
+        along = fem.Constant(self.body.mesh, in_section(direction, self.body.actuator.dimension))
+        spread = fem.form(ufl.dot(along, self.body.displacement(y)) * self.body.hoop * measure)
+        one = fem.Constant(self.body.mesh, 1.0)
+        return self._assemble([spread]) / self._scalar(fem.form(one * self.body.hoop * measure))
 
     def rest(self) -> State:
         """The undeformed state at no pressure."""
