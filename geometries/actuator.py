@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from geometries.errors import GeometryError, MeshingError
 from geometries.fields import settle
 
-__all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
+__all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Mirror", "Vector"]
 
 Vector = tuple[float, float, float]
 
-RECIPE = 2
+RECIPE = 3
 """Part of every key: raise it when the same parameters give another mesh, so that stored meshes are made anew."""
 
 
@@ -54,6 +54,21 @@ class Hold:
     role: str
     direction: Vector | None
     point: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Mirror:
+    """A coordinate plane through the origin on which a mesh of half a body is mirrored into one of the whole.
+
+    Attributes:
+        role: Physical group of the facets on the plane; the whole has none such.
+        axis: 0, 1 or 2: the plane is square to x, y or z.
+        renamed: Groups whose image is another one, such as ``{"top": "bottom"}``; the image of any other joins it.
+    """
+
+    role: str
+    axis: int
+    renamed: Mapping[str, str]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -130,6 +145,11 @@ class Actuator(ABC):
         """Supports, beyond the symmetry on `cut_planes`, that leave no rigid motion."""
 
     @property
+    def mirrors(self) -> tuple[Mirror, ...]:
+        """Planes on which the mesh of what `build` makes is mirrored, one after the other; none unless a device says so."""
+        return ()
+
+    @property
     @abstractmethod
     def probes(self) -> Mapping[str, Vector]:
         """Named material points in device coordinates (m); each is a vertex of the mesh."""
@@ -142,6 +162,11 @@ class Actuator(ABC):
     @property
     def blocked(self) -> str | None:
         """Role that is held along the lift, so that the device pushes on it with its blocked force; None if it is free."""
+        return None
+
+    @property
+    def pushed(self) -> str | None:
+        """Face that a load along the lift is spread over to tell the device's stiffness; None if nothing is asked of it."""
         return None
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometries.errors import GeometryError, MeshingError
+from geometries.mirroring import mirror_mesh
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator
@@ -41,6 +42,7 @@ SETTINGS = {
     "Mesh.MshFileVersion": 4.1,
     "Mesh.Binary": 0,
     "Mesh.SaveAll": 0,
+    "Mesh.ScalingFactor": 1,
 }
 """Gmsh options of every mesh, by name."""
 
@@ -133,6 +135,8 @@ def write_mesh(actuator: Actuator, path: Path) -> Path:
             try:
                 actuator.build()
                 _generate(actuator)
+                for mirror in actuator.mirrors:
+                    mirror_mesh(mirror)
                 gmsh.write(str(partial))
             except (GeometryError, MeshingError):
                 raise

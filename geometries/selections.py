@@ -72,7 +72,7 @@ def point(field: str, text: str) -> tuple[float, float, float]:
 
 
 def _length(field: str, text: str) -> float:
-    from measurement.units import UnitError, quantity  # units load a whole library, which a mesh alone does not need
+    from measurement.units import UnitError, quantity  # not above: whoever imports the devices need not have pint
 
     try:
         return quantity(text, "m")

@@ -29,7 +29,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.actuator import Actuator, CutPlane, Hold, Mirror, Vector
 from geometries.fields import angle_field, choice_field, length_field, number_field
 from geometries.seminar_checks import check_seminar
 from geometries.seminar_plan import outline_area
@@ -54,6 +54,9 @@ class SeminarActuator(Actuator):
     manifold_bore: float = length_field(0.0009, "radius of the manifold's round section")
     channel_bore: float = length_field(0.0007, "radius of a channel's section at the manifold")
     end_bore: float = length_field(0.0010, "radius of a channel's section at its end, which is round")
+    fillet: float = length_field(
+        0.0004, "radius of the rounding where a channel leaves the manifold; 0 for a sharp crease", zero=True
+    )
     offset: float = length_field(
         -0.001, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
     )
@@ -98,6 +101,17 @@ class SeminarActuator(Actuator):
         return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.part == "half" else ()
 
     @property
+    def level(self) -> bool:
+        """Whether the channels lie in the middle of the thickness, so that the slab is symmetric about z = 0."""
+        return self.offset == 0.0
+
+    @property
+    def mirrors(self) -> tuple[Mirror, ...]:
+        # Mirrored cells, not only shapes: nothing of the mesh then bends what symmetry keeps straight.
+        level = (Mirror("middle", 2, {"top": "bottom"}),) if self.level else ()
+        return (*level, Mirror("plane0", 1, {})) if self.part == "full" else level
+
+    @property
     def holds(self) -> tuple[Hold, ...]:
         held = (Hold("tip", self.lift),) if self.tip == "held" else ()
         return (Hold("support", None), *held)
@@ -110,6 +124,10 @@ class SeminarActuator(Actuator):
     @property
     def blocked(self) -> str | None:
         return "tip" if self.tip == "held" else None
+
+    @property
+    def pushed(self) -> str | None:
+        return "tip" if self.tip == "free" and self.tip_radius > 0.0 else None
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """How the slab is bent, from where its tip is; see `Actuator.device_figures`.

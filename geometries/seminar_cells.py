@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 THROUGH = 1.5
 """Cells between a channel and the nearest face."""
 
+CREASE = 1.5
+"""Size of the cells on a rounded crease over that on a channel with the crease's radius."""
+
 GROWTH = 0.55
 """Growth of the cell size per distance."""
 
@@ -35,6 +38,9 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
     """Return the cell size in m as a function of the place in m."""
     half, arc, bore = 0.5 * math.radians(slab.spread), slab.manifold_radius, slab.manifold_bore
     on_arc, far, level = wall_size(slab, bore), slab.cell_size, slab.offset
+    # The creases, or their roundings, are rings around the rays, near the manifold's outer wall.
+    crease, fillet = min(CREASE * 2.0 * math.pi * slab.fillet / slab.around or far, on_arc), slab.fillet
+    ring = arc + 0.85 * bore
     around, middle = 2.0 * math.pi / slab.around, 0.5 * slab.thickness - abs(slab.offset)
     ends = [(arc * math.cos(end), arc * math.sin(end)) for end in (-half, half)]
     rays = [
@@ -58,6 +64,8 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
             away = math.hypot(x - c * along, y - s * along, z) - radius
             wall = min(around * radius, (middle - radius) / THROUGH)
             best = min(best, wall + GROWTH * away if away > 0.0 else wall)
+            apart = math.hypot(c * x + s * y - ring, math.hypot(s * x - c * y, z) - first) - fillet
+            best = min(best, crease + GROWTH * apart if apart > 0.0 else crease)
         return best
 
     return size

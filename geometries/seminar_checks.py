@@ -37,6 +37,7 @@ def check_seminar(slab: SeminarActuator) -> None:
     found = [_channel(slab, angle) for angle in angles(slab) if angle >= -1e-12]
     _check_sides(slab, found)
     _check_neighbours(slab, found)
+    _check_fillet(slab)
     _check_cells(slab)
 
 
@@ -158,6 +159,20 @@ def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
                     + ("break into each other" if left <= 0.0 else f"are {_mm(left)} apart")
                     + f", and least_wall asks for {_mm(slab.least_wall)}"
                 )
+
+
+def _check_fillet(slab: SeminarActuator) -> None:
+    """The rounding must fit on the bores, and two of them between neighbouring channels."""
+    limit = slab.channel_bore
+    if slab.channels > 1:
+        pitch = math.radians(slab.spread) / (slab.channels - 1)
+        # Two roundings side by side on the manifold's wall, with a fifth of one to spare.
+        limit = min(limit, (slab.manifold_radius * math.sin(0.5 * pitch) - slab.channel_bore) / 1.1)
+    if slab.fillet > limit:
+        raise GeometryError(
+            f"fillet is {_mm(slab.fillet)}; with channel_bore {_mm(slab.channel_bore)} and {slab.channels} channels this "
+            f"slab takes at most {_mm(max(limit, 0.0))}"
+        )
 
 
 def _check_cells(slab: SeminarActuator) -> None:

@@ -1,4 +1,7 @@
-"""The seminar actuator in Gmsh: half a slab, the channels cut out of it, mirrored if the full one is asked for."""
+"""The seminar actuator in Gmsh: half a slab, or its upper half where it is symmetric, with the channels cut out of it.
+
+The model is in mm and the mesh is written in m: the CAD kernel rounds edges with fixed tolerances that suit mm.
+"""
 
 from __future__ import annotations
 
@@ -18,21 +21,23 @@ if TYPE_CHECKING:
 
 Entity = tuple[int, int]
 
+MM = 1e3
+"""Model lengths in one metre."""
+
+SHARP = math.radians(5.0)
+"""Angle between the normals of two walls of the air above which they meet in a crease."""
+
 
 def build_slab(slab: SeminarActuator) -> None:
-    """Fill the current Gmsh model with the slab, its roles and its cell sizes (m)."""
+    """Fill the current Gmsh model (mm) with the slab, its roles and its cell sizes; the mesh is saved in m."""
     import gmsh  # type: ignore[import-untyped]
 
-    occ = gmsh.model.occ
     solids = half_slab(slab)
-    if slab.part == "full":
-        mirrored = occ.copy(solids)
-        occ.mirror(mirrored, 0.0, 1.0, 0.0, 0.0)
-        solids = [entity for entity in occ.fragment(solids, mirrored)[0] if entity[0] == 3]
-    occ.synchronize()
+    gmsh.model.occ.synchronize()
     _name_roles(slab, solids)
     size = size_function(slab)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y, z))
+    gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
 
 
 @functools.lru_cache(maxsize=64)
@@ -43,19 +48,23 @@ def measured_volume(slab: SeminarActuator) -> float:
     from geometries.meshing import private_model
 
     with private_model():
-        return float(sum(gmsh.model.occ.getMass(*entity) for entity in half_slab(slab)))
+        volume = float(sum(gmsh.model.occ.getMass(*entity) for entity in half_slab(slab)))
+    return volume / MM**3 * (2.0 if slab.level else 1.0)
 
 
 def half_slab(slab: SeminarActuator) -> list[Entity]:
-    """Add the half at y > 0 with the channels cut out; nothing is synchronised.
+    """Add the half at y > 0 with the channels cut out, of a `SeminarActuator.level` slab what is above the middle.
+
+    Nothing is synchronised but the channels.
 
     Raises:
         MeshingError: The CAD kernel made something else than one solid.
     """
     import gmsh
 
+    occ = gmsh.model.occ
     # The network may reach over the mirror plane: only what lies in the half is cut away.
-    solids, _ = gmsh.model.occ.cut([_prism(slab)], _network(slab))
+    solids, _ = occ.cut([_prism(slab)], _network(slab))
     if [dimension for dimension, _ in solids] != [3]:
         raise MeshingError(
             f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore a little"
@@ -68,46 +77,82 @@ def _prism(slab: SeminarActuator) -> Entity:
     import gmsh
 
     occ = gmsh.model.occ
-    bottom, radius = -0.5 * slab.thickness, slab.tip_radius
-    _, (x, y) = side(slab)
-    base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, 0.5 * slab.base_width, bottom)
-    tip = occ.addPoint(slab.length, 0, bottom)
+    bottom, height = (
+        (0.0, 0.5 * MM * slab.thickness) if slab.level else (-0.5 * MM * slab.thickness, MM * slab.thickness)
+    )
+    length, half, radius = MM * slab.length, 0.5 * MM * slab.base_width, MM * slab.tip_radius
+    x, y = (MM * at for at in side(slab)[1])
+    base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, half, bottom)
+    tip = occ.addPoint(length, 0, bottom)
     if radius > 0.0:
-        turn, centre = occ.addPoint(x, y, bottom), occ.addPoint(slab.length - radius, 0, bottom)
-        flank = [occ.addLine(turn, corner), occ.addCircleArc(tip, centre, turn)][::-1]
+        turn, centre = occ.addPoint(x, y, bottom), occ.addPoint(length - radius, 0, bottom)
+        flank = [occ.addCircleArc(tip, centre, turn), occ.addLine(turn, corner)]
+        occ.remove([(0, centre)])  # a point on its own would become a node of no cell
     else:
         flank = [occ.addLine(tip, corner)]
     loop = occ.addCurveLoop([occ.addLine(base, tip), *flank, occ.addLine(corner, base)])
-    swept = occ.extrude([(2, occ.addPlaneSurface([loop]))], 0, 0, slab.thickness)
+    swept = occ.extrude([(2, occ.addPlaneSurface([loop]))], 0, 0, height)
     return next(entity for entity in swept if entity[0] == 3)
 
 
 def _network(slab: SeminarActuator) -> list[Entity]:
-    """The air of all channels that reach into the half at y > 0, in one piece."""
+    """The air of all channels that reach into the half at y > 0, in one piece, its creases rounded."""
     import gmsh
 
+    occ = gmsh.model.occ
     lines = [channel(slab, angle) for angle in angles(slab) if angle > -1e-9]
     parts = [*_manifold(slab), *(_air(slab, line) for line in lines if line is not None)]
-    return list(gmsh.model.occ.fuse(parts[:1], parts[1:])[0])
+    air = list(occ.fuse(parts[:1], parts[1:])[0])
+    if slab.fillet == 0.0:
+        return air
+    occ.synchronize()
+    edges = _creases(air)
+    try:
+        return list(occ.fillet([tag for _, tag in air], edges, [MM * slab.fillet]))
+    except Exception:  # bare
+        raise MeshingError(
+            f"the CAD kernel could not round {len(edges)} creases with fillet {MM * slab.fillet:g} mm; "
+            "take a smaller one, or --fillet 0mm for sharp creases"
+        ) from None
+
+
+def _creases(air: list[Entity]) -> list[int]:
+    """Curves where two curved walls of the air meet at an angle."""
+    import gmsh
+
+    model = gmsh.model
+    walls = [tag for _, tag in model.getBoundary(air, oriented=False) if model.getType(2, tag) != "Plane"]
+    owners: dict[int, list[int]] = defaultdict(list)
+    for wall in walls:
+        for _, curve in model.getBoundary([(2, wall)], combined=False, oriented=False):
+            owners[curve].append(wall)
+    found = []
+    for curve, pair in owners.items():
+        if len(set(pair)) != 2:
+            continue  # a seam of one wall, or the rim of the cut
+        low, high = (bound[0] for bound in model.getParametrizationBounds(1, curve))
+        at = model.getValue(1, curve, [0.5 * (low + high)])
+        one, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
+        if math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
+            found.append(curve)
+    return sorted(found)
 
 
 def _manifold(slab: SeminarActuator) -> list[Entity]:
-    """The arc over the half's angle and a little more, and the round cap at its end."""
+    """The arc over the half's angle and some more, and the round cap at its end."""
     import gmsh
 
     occ = gmsh.model.occ
     half = 0.5 * math.radians(slab.spread)
-    begin = -0.1 * half  # across the mirror plane, so that the cut there is clean
-    radius, bore, level = slab.manifold_radius, slab.manifold_bore, slab.offset
+    radius, bore, level = MM * slab.manifold_radius, MM * slab.manifold_bore, MM * slab.offset
+    # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
+    begin = -2.0 * (slab.channel_bore + 2.0 * slab.fillet) / slab.manifold_radius
     c, s = math.cos(begin), math.sin(begin)
-    section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[c, s, 0])
+    # The section's seam is on the inside, where no channel leaves.
+    section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])
     arc = occ.revolve([(2, section)], 0, 0, 0, 0, 0, 1, half - begin)
     c, s = math.cos(half), math.sin(half)
-    cap = occ.addSphere(0, 0, 0, bore, angle1=0.0, angle2=0.5 * math.pi)
-    # Its axis from z to the arc's direction at the end.
-    occ.rotate([(3, cap)], 0, 0, 0, 1, 0, 0, -0.5 * math.pi)
-    occ.rotate([(3, cap)], 0, 0, 0, 0, 0, 1, half)
-    occ.translate([(3, cap)], radius * c, radius * s, level)
+    cap = occ.addSphere(radius * c, radius * s, level, bore)
     return [next(entity for entity in arc if entity[0] == 3), (3, cap)]
 
 
@@ -119,7 +164,7 @@ def _air(slab: SeminarActuator, line: Channel) -> Entity:
     c, s = math.cos(line.angle), math.sin(line.angle)
 
     def corner(along: float, up: float) -> int:
-        return int(occ.addPoint(along * c, along * s, slab.offset + up))
+        return int(occ.addPoint(MM * along * c, MM * along * s, MM * (slab.offset + up)))
 
     begin, first = corner(line.start, 0.0), corner(line.start, line.bore)
     last, centre = corner(line.end, line.radius(line.end)), corner(line.centre, 0.0)
@@ -130,20 +175,22 @@ def _air(slab: SeminarActuator, line: Channel) -> Entity:
         occ.addCircleArc(last, centre, end),
         occ.addLine(end, begin),
     ]
+    occ.remove([(0, centre)])
     face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
-    turned = occ.revolve([(2, face)], 0, 0, slab.offset, c, s, 0, 2.0 * math.pi)
+    turned = occ.revolve([(2, face)], 0, 0, MM * slab.offset, c, s, 0, 2.0 * math.pi)
+    occ.remove([(2, face)], recursive=True)
     return next(entity for entity in turned if entity[0] == 3)
 
 
 def _name_roles(slab: SeminarActuator, solids: list[Entity]) -> None:
-    """Give every face on the boundary of the solid one role; the face between two halves gets none."""
+    """Give every face on the boundary of the solid one role; "middle" is where a level slab is mirrored."""
     import gmsh
 
     gmsh.model.addPhysicalGroup(3, [tag for _, tag in solids], name="solid")
     roles: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getBoundary(solids, combined=True, oriented=False):
         roles[_role(slab, tag)].append(tag)
-    wanted = {"cavity", "support", "top", "bottom", "outer", *(plane.name for plane in slab.cut_planes)}
+    wanted = {"cavity", "support", "top", "outer", "plane0", "middle" if slab.level else "bottom"}
     for role in sorted(wanted - roles.keys()):
         raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
     for role, tags in roles.items():
@@ -157,7 +204,7 @@ def _role(slab: SeminarActuator, tag: int) -> str:
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, tag))
     # Points of the face's surface, which may lie beside the face itself: enough to know which surface it is.
     grid = np.array([low + (high - low) * (a, b) for a in (0.1, 0.45, 0.8) for b in (0.15, 0.5, 0.9)])
-    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T
+    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T / MM
     near = 1e-6 * slab.thickness
     half = 0.5 * slab.thickness
     normal, (tx, ty) = side(slab)
@@ -166,6 +213,7 @@ def _role(slab: SeminarActuator, tag: int) -> str:
         ("plane0", y),
         ("top", z - half),
         ("bottom", z + half),
+        ("middle", z if slab.level else z + 1.0),
         ("tip", np.hypot(x - slab.length + slab.tip_radius, y) - slab.tip_radius if slab.tip_radius else z + 1.0),
         ("outer", (x - tx) * normal[0] + (np.abs(y) - ty) * normal[1]),
     ):

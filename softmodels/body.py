@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +51,10 @@ class Body:
     cavity: Any
     entities: dict[str, tuple[int, npt.NDArray[np.int32]]]
     skew: npt.NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        # Made with the body: a form's constants count in the order they were made, and another order is another form.
+        self._constant_inverse()
 
     @classmethod
     def from_file(cls, actuator: Actuator, path: Path, comm: Any) -> Body:
@@ -99,7 +102,7 @@ class Body:
         import ufl
 
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
-        return dx, self._on_facets(None)(CAVITY)
+        return dx, self._on_facets(self.cavity)(CAVITY)
 
     def sheet_face(self, role: str) -> tuple[Any, Any]:
         """UFL measure over the facets of a role, and their undeformed normal with three components.
@@ -110,17 +113,17 @@ class Body:
         import ufl
 
         N = ufl.FacetNormal(self.mesh)
-        return self._on_facets(role)(SHEET), ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
+        return self._on_facets(self._sheet_tags(role))(SHEET), ufl.as_vector(
+            [N[0], 0, N[1]]
+        ) if self.axisymmetric else N
 
-    def _on_facets(self, sheet: str | None) -> Any:
+    def _on_facets(self, tags: Any) -> Any:
         import ufl
 
-        tags = self.cavity if sheet is None else self._with_sheet(sheet)
         return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
 
-    @functools.lru_cache  # noqa: B019  (one body, one or two roles, and UFL asks for the same object each time)
-    def _with_sheet(self, role: str) -> Any:
-        """The cavity's facet tags, and `SHEET` on the facets of a role."""
+    def _sheet_tags(self, role: str) -> Any:
+        """`SHEET` on the facets of a role."""
         from dolfinx import mesh as meshes
 
         tdim = self.mesh.topology.dim
@@ -128,10 +131,8 @@ class Body:
         if dimension != tdim - 1:
             faces = ", ".join(name for name, (found, _) in self.entities.items() if found == tdim - 1)
             raise BodyError(f"the mesh has no face named {role!r}; it has {faces}")
-        everything = np.concatenate([self.cavity.indices, facets])
-        order = np.argsort(everything)
-        values = np.concatenate([self.cavity.values, np.full(len(facets), SHEET, dtype=np.int32)])
-        return meshes.meshtags(self.mesh, tdim - 1, everything[order], values[order])
+        facets = np.sort(facets)
+        return meshes.meshtags(self.mesh, tdim - 1, facets, np.full(len(facets), SHEET, dtype=np.int32))
 
     @property
     def hoop(self) -> Any:
@@ -182,7 +183,7 @@ class Body:
             x, N = ufl.as_vector([x[0], 0, x[1]]), ufl.as_vector([N[0], 0, N[1]])
         return -ufl.dot(x, ufl.dot(ufl.cofac(F), N)) / 3 * self.hoop
 
-    def volume(self, w: Any, sheet: str | None = None) -> Any:
+    def volume(self, w: Any) -> Any:
         """UFL form of the deformed cavity's volume, the one that the cavity pressure P works on.
 
         With several cavities, each under its ratio r_i of P, that is the sum of r_i V_i: the potential -sum P_i V_i is
@@ -190,11 +191,10 @@ class Body:
 
         Args:
             w: The skew components.
-            sheet: The role that `sheet_face` gives the measure of in the same form: a form takes one set of facet tags.
         """
         from dolfinx import fem
 
-        integrand, ds = self.volume_integrand(w), self._on_facets(sheet)
+        integrand, ds = self.volume_integrand(w), self._on_facets(self.cavity)
         ratios = self.actuator.ratios
         if ratios == (1.0,):
             return integrand * ds(CAVITY)
@@ -237,7 +237,7 @@ class Body:
             if direction is None:
                 result.append((role, list(range(d))))
                 continue
-            weights = _in_section(direction, d) @ self.skew_inverse
+            weights = in_section(direction, d) @ self.skew_inverse
             largest = int(np.argmax(np.abs(weights)))
             if np.abs(np.delete(weights, largest)).max() > 1e-12 * abs(weights[largest]):
                 raise BodyError(f"role {role!r} is held along {direction}, which mixes the directions of other roles")
@@ -249,7 +249,8 @@ def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
     return np.array([CAVITY, *range(SHEET + 1, SHEET + count)], dtype=np.int32)
 
 
-def _in_section(direction: Any, dimension: int) -> npt.NDArray[np.float64]:
+def in_section(direction: Any, dimension: int) -> npt.NDArray[np.float64]:
+    """A direction of device coordinates in those of the mesh."""
     d = np.asarray(direction, dtype=float)
     return d if dimension == 3 else d[[0, 2]]
 
@@ -260,7 +261,7 @@ def _skew(actuator: Actuator) -> npt.NDArray[np.float64]:
     wanted = [plane.normal for plane in actuator.cut_planes]
     wanted += [hold.direction for hold in actuator.holds if hold.direction is not None]
     rows: list[npt.NDArray[np.float64]] = []
-    for direction in [*(_in_section(v, d) for v in wanted), *np.eye(d)[::-1]]:
+    for direction in [*(in_section(v, d) for v in wanted), *np.eye(d)[::-1]]:
         candidate = [*rows, direction / np.linalg.norm(direction)]
         if len(candidate) <= d and np.linalg.svd(np.array(candidate), compute_uv=False)[-1] > 1e-6:
             rows = candidate

@@ -6,12 +6,14 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from geometries import Actuator
 from softmodels.case import Case
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results import Results, write_text
+from softmodels.silicones import SILICONES, named, stretch_at_break
 
 VOLUME_CHANGE = 0.1
 """Change of a cell's volume above which the user is told."""
@@ -51,7 +53,10 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
     if stored and status != BAD_INPUT:
         try:
             results.finish()
-            text = {"status": status, "message": message, "steps": len(stored), "last": results.rows[-1]}
+            text = {
+                "status": status, "message": message, "steps": len(stored), "last": results.rows[-1],
+                "stretch_at_break": stretch_at_break(case.material), "notes": stretch_notes(case, results.rows),
+            }  # fmt: skip
             write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
             if draw and status in (DONE, NO_EQUILIBRIUM):
                 _draw(results)
@@ -67,7 +72,10 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f". The results up to there ({states}) are in {results.folder}" if stored and status != BAD_INPUT else ""
         )
         print(f"softmodels: {message}{where}", file=sys.stderr)
-    elif not quiet:
+    if stored and not quiet and status != BAD_INPUT:
+        for note in stretch_notes(case, results.rows):
+            print(f"softmodels: note: {note}", file=sys.stderr)
+    if not message and not quiet:
         row, gauge = results.rows[-1], case.actuator.gauge
         if row["J_min"] < 1 - VOLUME_CHANGE or row["J_max"] > 1 + VOLUME_CHANGE:
             print(
@@ -77,12 +85,38 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             )
         print(
             f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa): {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
-            f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}, "
+            f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
         pictures = ", pictures (*.png)" if draw else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status
+
+
+def _bears(case: Case) -> str:
+    breaks = stretch_at_break(case.material)
+    return "" if breaks is None else f" (broke at {breaks:.4g})"
+
+
+def stretch_notes(case: Case, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What the largest stretches of a run mean for the silicone: sentences, none if it is not known or bears them."""
+    name = named(case.material)
+    if name is None:
+        return []
+    silicone, breaks = SILICONES[name], stretch_at_break(case.material)
+    most = max(rows, key=lambda row: float(row["max_stretch"]))
+    torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
+    if torn is not None:
+        return [
+            f"at {torn['pressure_cm']:.4g} cm the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at which "
+            f"{name} broke when pulled ({silicone.source}): the device tears there, and no state from there on is real"
+        ]
+    if most["max_stretch"] > silicone.stretches[1]:
+        return [
+            f"the largest stretch, {most['max_stretch']:.3g}, lies beyond {silicone.stretches[1]:g}, up to which {name} was "
+            "fitted: what stretches so far is an extrapolation"
+        ]
+    return []
 
 
 def _draw(results: Results) -> None:

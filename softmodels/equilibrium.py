@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.body import QUADRATURE_DEGREE, Body, BodyError
+from softmodels.body import QUADRATURE_DEGREE, Body, BodyError, in_section
 from softmodels.bordered import Bordered
-from softmodels.controls import Control
+from softmodels.controls import Control, pressure_control
 from softmodels.materials import Material, MaterialError
 from softmodels.parallel import largest, total
 from softmodels.sheet import Sheet, membrane_energy
@@ -113,23 +113,26 @@ class Equilibrium:
         self.set_material(material)
         self.displacement = y
         strain = Strain(body.deformation_gradient(y))
-        stored = self.integral(self.density(self.parameters, self.bulk), self._stiffness)
-        volume = body.volume(y, sheet.face if sheet is not None else None)
-        inner, load = ufl.derivative(stored, self.w, test), ufl.derivative(volume, self.w, test)
+        volume = body.volume(y)
+        load = ufl.derivative(volume, self.w, test)
         jit = {"cffi_extra_compile_args": ["-O2"]}
         self.form = form = functools.partial(fem.form, jit_options=jit)
-        self._stored, self._volume = form(stored), form(volume)
-        self._inner, self._load = form(inner), form(load)
-        residual = inner - self.P * load
-        self.residual, self.cavity_volume = residual, volume
+        self._volume, self._load = form(volume), form(load)
         self._direction = fem.Function(self.space)
-        self._product = form(ufl.derivative(residual, self.w, self._direction))
-        self._tangent = form(ufl.derivative(residual, self.w, trial))
+        # Every term of the potential has forms of its own, added up when assembled: bodies share the law's, laws the load's.
+        energies = self.energies(self.density(self.parameters, self.bulk), self._stiffness)
+        self._stored = [form(energy) for energy in energies]
+        forces = [ufl.derivative(energy, self.w, test) for energy in energies]
+        self._inner = [form(force) for force in forces]
+        forces.append(-self.P * load)
+        self.residual, self.cavity_volume = sum(forces[1:], forces[0]), volume
+        self._product = [form(ufl.derivative(force, self.w, self._direction)) for force in forces]
+        self._tangent = [form(ufl.derivative(force, self.w, trial)) for force in forces]
 
         vectors = self.space.sub(0) if self.mixed else self.space
         zero = np.array(0.0)
         self.bcs = [fem.dirichletbc(zero, dofs, vectors.sub(component)) for component, dofs in body.held(vectors)]
-        self.K = fem_petsc.create_matrix(self._tangent)
+        self.K = fem_petsc.create_matrix(self._tangent[0])  # facets couple no others than their cells do
         self.K.setOption(self.K.Option.SYMMETRIC, True)
         self.K.setOption(self.K.Option.SYMMETRY_ETERNAL, True)
         self.system = Bordered(self.K, self._multiply)
@@ -153,14 +156,14 @@ class Equilibrium:
         p = ufl.split(self.w)[1]
         return shape + p * (strain.J - 1) - bulk / 2 * p**2
 
-    def integral(self, density: Any, stiffness: Any) -> Any:
-        """UFL integral of an energy density over the body, and of a bonded sheet of this stiffness over its face."""
-        whole = density * self.body.hoop * self.body.measures()[0]
+    def energies(self, density: Any, stiffness: Any) -> list[Any]:
+        """UFL integrals of an energy density over the body and, if one is bonded, of a sheet of this stiffness."""
+        inside = density * self.body.hoop * self.body.measures()[0]
         if self.sheet is None:
-            return whole
+            return [inside]
         on_face, normal = self.body.sheet_face(self.sheet.face)
-        energy = membrane_energy(self.body.deformation_gradient(self.displacement), normal)
-        return whole + stiffness * energy * self.body.hoop * on_face
+        membrane = membrane_energy(self.body.deformation_gradient(self.displacement), normal)
+        return [inside, stiffness * membrane * self.body.hoop * on_face]
 
     def _check_volume(self) -> None:
         """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
@@ -208,13 +211,14 @@ class Equilibrium:
         self.P.value = P
         return P
 
-    def _assemble(self, form: Any) -> npt.NDArray[np.float64]:
-        """Assembled linear form, owned entries, zero at held dofs."""
+    def _assemble(self, forms: list[Any]) -> npt.NDArray[np.float64]:
+        """Sum of assembled linear forms, owned entries, zero at held dofs."""
         from dolfinx import fem, la
 
         b = self._vector.x
         b.array[:] = 0.0
-        fem.assemble_vector(b.array, form)
+        for form in forms:
+            fem.assemble_vector(b.array, form)
         b.scatter_reverse(la.InsertMode.add)
         for bc in self.bcs:
             bc.set(b.array, alpha=0.0)
@@ -231,7 +235,7 @@ class Equilibrium:
 
     def stored_energy(self) -> float:
         """Energy stored in the body in the current state."""
-        return self._scalar(self._stored)
+        return sum(self._scalar(form) for form in self._stored)
 
     def force(self, role: str, component: int) -> float:
         """Force of the current state on whatever holds a role along a component of w, of the slice, dimensionless.
@@ -245,7 +249,7 @@ class Equilibrium:
         dofs = fem.locate_dofs_topological(vectors.sub(component), dimension, found)
         b = self._vector.x
         total_force = 0.0
-        for form, factor in ((self._inner, -1.0), (self._load, float(self.P.value))):
+        for form, factor in (*((form, -1.0) for form in self._inner), (self._load, float(self.P.value))):
             b.array[:] = 0.0
             fem.assemble_vector(b.array, form)
             b.scatter_reverse(la.InsertMode.add)
@@ -259,7 +263,7 @@ class Equilibrium:
 
     def _residual(self, snes: Any, x: Any, f: Any) -> None:
         P = self._take(x)
-        self.system.q.array_w[:] = self._assemble(self._load)
+        self.system.q.array_w[:] = self._assemble([self._load])
         inner = self._assemble(self._inner)
         control = self.system.control
         gap = control.value(self.volume() if control.volume else 0.0, P) - control.target
@@ -269,8 +273,9 @@ class Equilibrium:
         from dolfinx.fem import petsc as fem_petsc
 
         self.K.zeroEntries()
-        fem_petsc.assemble_matrix(self.K, self._tangent, bcs=self.bcs)
-        self.K.assemble()
+        for form in self._tangent:
+            fem_petsc.assemble_matrix(self.K, form, bcs=self.bcs)
+            self.K.assemble()  # between the forms too: held dofs' diagonal is put in, the rest is added up
 
     def _multiply(self, x: Any, y: Any) -> None:
         """Tangent of the current state times x. Far cheaper than assembling the matrix, and only good for products."""
@@ -310,14 +315,17 @@ class Equilibrium:
         snes.setLineSearchPreCheck(self._guard)
         snes.setConvergenceTest(self._converged)
         snes.setMaxLinearSolveFailures(3)
-        ksp: Any = snes.getKSP()
-        ksp.setType("gmres")
-        ksp.setGMRESRestart(60)
-        ksp.setPCSide(PETSc.PC.Side.RIGHT)
-        ksp.setTolerances(rtol=LOOSEST, atol=0.0, max_it=60)
-        pc = ksp.getPC()
-        pc.setType("python")
-        pc.setPythonContext(self.system)
+        # Questions aside of the path have a solver of their own: its iterations do not count as the path's.
+        self._side = PETSc.KSP().create(self.comm)
+        solvers: list[tuple[Any, float]] = [(snes.getKSP(), LOOSEST), (self._side, TANGENT_TOLERANCE)]
+        for ksp, tolerance in solvers:
+            ksp.setType("gmres")
+            ksp.setGMRESRestart(60)
+            ksp.setPCSide(PETSc.PC.Side.RIGHT)
+            ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=60)
+            pc = ksp.getPC()
+            pc.setType("python")
+            pc.setPythonContext(self.system)
         snes.setFromOptions()
 
     def _guard(self, x: Any, y: Any) -> bool:
@@ -382,7 +390,7 @@ class Equilibrium:
     def factorise(self, state: State) -> None:
         """Factorise the tangent at ``state``, to be kept for the solves that follow."""
         self.load(state)
-        self.system.q.array_w[:] = self._assemble(self._load)
+        self.system.q.array_w[:] = self._assemble([self._load])
         self._assemble_tangent()
         self.system.factorise()
         self.age, self._adrift = 0, False
@@ -399,7 +407,7 @@ class Equilibrium:
             NoConvergence: The linear solver did not get there (the line runs along the path, say).
         """
         self.load(state)
-        self.system.q.array_w[:] = self._assemble(self._load)
+        self.system.q.array_w[:] = self._assemble([self._load])
         self.system.control = control
         self.system.refresh()
         return self.respond(0.0, 1.0, tolerance)
@@ -433,6 +441,37 @@ class Equilibrium:
         direction.scatter_forward()
         self._y.array_w[:] = body
         return Tangent(direction.array.copy(), dP, system.q.dot(self._y))
+
+    def compliance(self, state: State, load: npt.NDArray[np.float64]) -> float:
+        """Work of a dead load (owned entries, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
+
+        One more back-substitution with the factorisation at hand and a few iterations; infinite where the tangent has no
+        solution.
+        """
+        self.load(state)
+        system, rhs, x = self.system, self._f, self._x
+        ksp: Any = self._side
+        system.control = pressure_control(0.0)
+        system.join(rhs, load, 0.0)
+        system.mat.assemble()
+        ksp.setOperators(system.mat)
+        ksp.solve(rhs, x)
+        if ksp.getConvergedReason() <= 0:
+            return math.inf
+        return total(self.comm, float(load @ system.split(x)[0]))
+
+    def face_load(self, role: str, direction: Any) -> npt.NDArray[np.float64]:
+        """A unit load on the slice, spread evenly over a role's undeformed facets: owned entries, zero at held dofs."""
+        import ufl
+        from dolfinx import fem
+
+        measure, _ = self.body.sheet_face(role)
+        test = ufl.TestFunction(self.space)
+        y = ufl.split(test)[0] if self.mixed else test
+        along = fem.Constant(self.body.mesh, in_section(direction, self.body.actuator.dimension))
+        spread = fem.form(ufl.dot(along, self.body.displacement(y)) * self.body.hoop * measure)
+        one = fem.Constant(self.body.mesh, 1.0)
+        return self._assemble([spread]) / self._scalar(fem.form(one * self.body.hoop * measure))
 
     def rest(self) -> State:
         """The undeformed state at no pressure."""

@@ -103,6 +103,7 @@ class Fields:
         self._share = self._added(np.ones(self._dofs.shape))
         self.rest_volume = equilibrium.rest().V
         self._places = fem.Expression(ufl.SpatialCoordinate(equilibrium.body.mesh), equilibrium.points, **options)
+        self._push: npt.NDArray[np.float64] | None = None
         self._probes = {name: self._owner(point) for name, point in equilibrium.body.actuator.probes.items()}
 
     def _added(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -161,6 +162,7 @@ class Fields:
             device={
                 **actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
                 **self._blocked(),
+                **self._stiffness(state),
             },
             max_displacement=most(np.linalg.norm(u, axis=1)),
             max_stretch=peak,
@@ -181,6 +183,21 @@ class Fields:
         component = int(np.argmax(eq.body.skew @ np.asarray(eq.body.actuator.lift)))
         unit = eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
         return {"blocked_force_N": eq.force(role, component) * unit}
+
+    def _stiffness(self, state: State) -> dict[str, float]:
+        """Stiffness in N/m of the whole device along the lift at a state, if it tells of one: a tangent, no difference.
+
+        The load is spread over the `Actuator.pushed` face, and the motion is that face's mean; the pressure is kept.
+        """
+        eq = self.equilibrium
+        actuator = eq.body.actuator
+        if actuator.pushed is None:
+            return {}
+        if self._push is None:
+            self._push = eq.face_load(actuator.pushed, actuator.lift)
+        compliance = eq.compliance(state, self._push)  # of a unit load on each slice
+        unit = eq.stress_unit * eq.length_unit * actuator.copies
+        return {f"{actuator.pushed}_stiffness_N_per_m": unit / compliance}
 
     def _place_of(self, values: npt.NDArray[np.float64], peak: float) -> tuple[float, float, float]:
         """Where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""

@@ -24,6 +24,7 @@ from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, pets
 from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
 from softmodels.resuming import check_same, check_values, drop_between, stopped_at, stored_points
+from softmodels.silicones import stretch_at_break
 
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
@@ -189,6 +190,7 @@ def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
 def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any) -> None:
     """Write one point of the path."""
     figures, nodal = fields.figures(point.state), fields.nodal(point.state)
+    limit = stretch_at_break(case.material)
     restart = {
         "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "step": point.step,
         "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
@@ -208,6 +210,7 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             **figures.device,
             "max_displacement_mm": figures.max_displacement * 1e3,
             "max_stretch": figures.max_stretch,
+            **({} if limit is None else {"break_margin": limit / figures.max_stretch}),
             **{f"max_stretch_{axis}_mm": at * 1e3 for axis, at in zip("xyz", figures.max_stretch_at, strict=True)},
             "max_von_mises_kPa": figures.max_von_mises / 1e3,
             "J_min": figures.J_min,

@@ -101,11 +101,11 @@ class Sensitivity:
         if name in self._lengths:
             residual, volume = self._lengths[name]
             # Forms by coordinates are per unit of the device's size.
-            force = eq._assemble(residual) / eq.length_unit
+            force = eq._assemble([residual]) / eq.length_unit
             opened = eq._scalar(volume) / eq.length_unit
         else:
             dmu = self._along.turn(eq.material, name)
-            force, opened = eq._assemble(self._material), 0.0
+            force, opened = eq._assemble([self._material]), 0.0
         # The line is meant in Pa and m3; in shear moduli it moves as the shear modulus does.
         gap = -control.volume * opened - control.pressure * state.P * dmu / mu
         moved = eq.respond(-force, gap, TOLERANCE)
@@ -133,7 +133,8 @@ class _Directions:
             slope += ufl.inner(ufl.diff(density, variable), self.turns[name])
         self.sheet, self.stiffness = eq.sheet, fem.Constant(mesh, 0.0)
         self.length = eq.length_unit
-        self.energy = eq.integral(slope, self.stiffness)
+        energies = eq.energies(slope, self.stiffness)
+        self.energy = sum(energies[1:], energies[0])
 
     def turn(self, material: Material, name: str) -> float:
         """Point the direction along one parameter of the law; returns the shear modulus' derivative by it."""

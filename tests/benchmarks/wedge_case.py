@@ -81,8 +81,8 @@ def read_wedge(path: Path) -> Wedge:
             gmsh.option.setNumber("Mesh.SecondOrderLinear", 1)
             gmsh.model.mesh.setOrder(2)
         tags, xyz, _ = gmsh.model.mesh.getNodes()
-        raw_cells = _elements("solid", 3, TETRAHEDRON10)[:, VTK_FROM_GMSH]
-        raw_faces = {name: _elements(name, 2, TRIANGLE6) for name in ("cavity", "plane0", "plane1", "support")}
+        raw_cells = elements("solid", 3, TETRAHEDRON10)[:, VTK_FROM_GMSH]
+        raw_faces = {name: elements(name, 2, TRIANGLE6) for name in ("cavity", "plane0", "plane1", "support")}
     finally:
         gmsh.finalize()
 
@@ -95,7 +95,7 @@ def read_wedge(path: Path) -> Wedge:
     position[tags.astype(np.int64)] = xyz.reshape(-1, 3)
     points, cells = position[order], index[raw_cells]
     held = {name: np.unique(index[raw_faces[name]]) for name in ("plane0", "plane1", "support")}
-    cavity, owners, sides = _orient(index[raw_faces["cavity"]], points, cells)
+    cavity, owners, sides = orient(index[raw_faces["cavity"]], points, cells)
 
     size = np.ptp(points, axis=0).max()
     if np.abs(points[held["plane0"], 1]).max() > 1e-9 * size:
@@ -112,7 +112,7 @@ def read_wedge(path: Path) -> Wedge:
     return Wedge(points, cells, cavity, owners, sides, held, normal, apex, ceiling)
 
 
-def _elements(name: str, dimension: int, kind: int) -> NDArray[np.int64]:
+def elements(name: str, dimension: int, kind: int) -> NDArray[np.int64]:
     """Node tags of a physical group's elements, one element a row."""
     groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups(dimension)}
     if name not in groups:
@@ -122,7 +122,7 @@ def _elements(name: str, dimension: int, kind: int) -> NDArray[np.int64]:
     return np.concatenate(parts).astype(np.int64).reshape(-1, {TRIANGLE6: 6, TETRAHEDRON10: 10}[kind])
 
 
-def _orient(
+def orient(
     faces: NDArray[np.int64], points: NDArray[np.float64], cells: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Find the tetrahedron behind each triangle and turn the triangles' normals out of the solid.

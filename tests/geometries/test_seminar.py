@@ -61,7 +61,7 @@ def test_default_is_a_believable_piece():
 
 def test_one_channel_has_its_volume_in_closed_form():
     """A channel so deep in the manifold's shadow that what both share is small and known to bounds."""
-    slab = SeminarActuator(channels=1, spread=40.0, channel_bore=0.0003, end_bore=0.0003)
+    slab = SeminarActuator(channels=1, spread=40.0, channel_bore=0.0003, end_bore=0.0003, fillet=0.0)
     line = channel(slab, 0.0)
     bore = slab.manifold_bore
     straight = math.pi * line.bore**2

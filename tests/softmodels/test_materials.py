@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from softmodels.homogeneous import nominal_stress
 from softmodels.materials import LAWS, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.silicones import SILICONES
+from softmodels.silicones import SILICONES, named, stretch_at_break
 from softmodels.strain import HomogeneousStrain
 
 EXAMPLES = {
@@ -147,3 +149,24 @@ def test_silicones_only_stiffen_in_the_range_of_their_fit(name):
     silicone = SILICONES[name]
     stretch = np.linspace(*silicone.stretches, 50)
     assert (np.diff(nominal_stress(silicone.material, stretch)) > 0).all()
+
+
+@pytest.mark.parametrize("name", SILICONES)
+def test_a_silicone_is_known_again(name):
+    silicone = SILICONES[name]
+    assert named(silicone.material) == name
+    assert named(dataclasses.replace(silicone.material, poisson=0.4999)) == name
+    assert named(dataclasses.replace(silicone.material, c1=silicone.material.c1 * 1.01)) is None
+    limit = stretch_at_break(silicone.material)
+    assert limit is None or limit > silicone.stretches[1]
+
+
+def test_elongations_at_break_are_the_last_points_of_the_data():
+    folder = Path(__file__).parents[3] / "shared/data/silicone_tensile"
+    if not folder.is_dir():
+        pytest.skip("the measured data lie beside the project (../shared/data), and are not there")
+    files = {re.sub(r"[^a-z0-9]", "", file.stem.lower()): file for file in folder.glob("*.csv")}
+    for name, silicone in SILICONES.items():
+        if silicone.elongation_at_break is not None:
+            last = files[name.replace("-", "")].read_text(encoding="latin-1").strip().splitlines()[-1]
+            assert silicone.elongation_at_break == pytest.approx(float(last.split(";")[3]), abs=0.006), name
