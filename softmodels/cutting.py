@@ -83,6 +83,8 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
         viewer: Direction towards the viewer, to whom the cut is turned.
         scale: The colours.
     """
+    import pyvista
+
     normal, place = plane
     normal = normal if normal @ viewer > 0 else -normal
     skin = states.skin
@@ -93,17 +95,19 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
     behind = shell.clip(normal=normal, origin=place)
     style = {"scalars": "values", "cmap": scale.colours, "clim": (scale.low, scale.top), "smooth_shading": True}
     found = [(_warped(behind), {**style, "split_sharp_edges": True, "feature_angle": SHARP})]
+    pieces = []
     for image in skin.images:
         piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
         if piece.n_cells:
             piece.point_data["displacement"] = piece.point_data["displacement"] @ image.T
             piece.points = piece.points @ image.T
-            face = _warped(piece)
-            found.append((face, {**style, "smooth_shading": False}))
-            rim = face.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False,
-                                             non_manifold_edges=False)  # fmt: skip
-            if rim.n_cells:
-                found.append((rim, {"color": INK, "line_width": 1.5}))
+            pieces.append(piece)
+    if pieces:
+        face = _warped(pyvista.append_polydata(*pieces).clean(tolerance=1e-7))
+        found.append((face, {**style, "smooth_shading": False}))
+        rim = face.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
+        if rim.n_cells:
+            found.append((rim, {"color": INK, "line_width": 1.5}))
     return found
 
 

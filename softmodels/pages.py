@@ -51,16 +51,17 @@ def headline(row: Row, gauge: str) -> str:
     return f"{pressure}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
 
 
-def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None) -> Figure:
+def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:
     """A rendered image under its title, with the colour bar below if it shows a field."""
-    head, foot = 0.55, 0.0 if scale is None else 0.95
+    head, foot = 0.55 + 0.3 * bool(note), 0.0 if scale is None else 0.95
     height = image.shape[0] / DPI
     figure = Figure((WIDTH, head + height + foot), dpi=DPI)
     whole = head + height + foot
     axes = figure.add_axes((0.0, foot / whole, 1.0, height / whole))
     axes.imshow(image)
     axes.set_axis_off()
-    figure.text(0.5, 1 - 0.5 * head / whole, title, ha="center", va="center", fontsize=13)
+    figure.text(0.5, 1 - 0.28 / whole, title, ha="center", va="center", fontsize=13)
+    figure.text(0.5, 1 - 0.6 / whole, note, ha="center", va="center", fontsize=11, color=WARNING)
     if scale is not None:
         scale.bar(figure, figure.add_axes((0.2, 0.62 / whole, 0.6, 0.18 / whole)))
     return figure
@@ -70,25 +71,27 @@ class Scale:
     """The colours of a field, from its least value at rest up to nearly its largest.
 
     Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore
-    ends where a two-hundredth of the nodes lies above it, and the bar says so and tells the largest value.
+    ends where, in the state that has most, a two-hundredth of the nodes lies above it; the bar says so and tells the
+    largest value.
 
     Args:
-        values: Nodal values of all states that are shown, SI units, any shape.
+        values: Nodal values of the states that are shown, SI units, shape (n,) or (states, n).
         field: Name of the field, one of `SHOWN`.
+        where: Words for where the values were taken, such as "outside"; empty for everywhere.
     """
 
-    def __init__(self, values: Array, field: str = "von_mises_stress"):
+    def __init__(self, values: Array, field: str = "von_mises_stress", where: str = ""):
         self.what, self.unit, self.factor, self.low = SHOWN[field]
-        self.field = field
+        self.field, self.where = field, where
         self.largest = float(values.max()) * self.factor
-        self.top = float(np.percentile(values, CLIPPED)) * self.factor
+        self.top = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
         if not self.top > self.low:
             self.top = max(self.largest, self.low + 1.0)
         self.colours = matplotlib.colormaps[COLOURS]
 
     def bar(self, figure: Figure, axes: Axes) -> None:
         """Draw the bar into axes."""
-        unit = f" in {self.unit}" if self.unit else ""
+        unit = (f" in {self.unit}" if self.unit else "") + (f", {self.where}" if self.where else "")
         note = f"{CLIPPED:g} % of the nodes lie within the colours; largest {self.largest:.3g} {self.unit}".rstrip()
         scale = ScalarMappable(Normalize(self.low, self.top), self.colours)
         extend = "max" if self.largest > self.top else "neither"

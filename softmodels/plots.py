@@ -48,6 +48,24 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
     return figure
 
 
+def curves(rows: Sequence[Row], gauge: str) -> Figure:
+    """The gauge's rise and the added volume over the pressure, side by side; rows of ``path.csv``."""
+    figure = Figure((WIDTH, 4.2), dpi=DPI, layout="constrained")
+    wanted = ((f"{gauge}_mm", f"{gauge} rise in mm"), ("added_volume_ml", "added volume in ml"))
+    for axes, (column, label) in zip(figure.subplots(1, 2), wanted, strict=True):
+        path = np.array([[row["pressure_cm"], row[column]] for row in rows])
+        asked = path[[bool(row["requested"]) for row in rows]]
+        axes.plot(*smooth(path).T, color=CURVE)
+        axes.plot(*path.T, "o", color=CURVE, markersize=3.5, label="steps")
+        if len(asked):
+            axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
+        for row in limits(rows):
+            axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=8, label="limit point")
+        axes.set(xlabel="pressure in cm of water", ylabel=label)
+        axes.legend(loc="best")
+    return figure
+
+
 def limits(rows: Sequence[Row]) -> list[Row]:
     """The rows that are limit points of the pressure."""
     return [row for row in rows if row["limit"]]
@@ -83,7 +101,7 @@ def smooth(path: Array, count: int = 400) -> Array:
 
 
 def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
-    """The outline that a camera sees from the side, from the axis outwards.
+    """The outline that a camera sees from the side, from the axis or the clamped base outwards.
 
     Args:
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
@@ -117,35 +135,37 @@ def profile_steps(rows: Sequence[Row], gauge: str) -> list[int]:
     return sorted(shown)
 
 
-def profiles(lines: Mapping[int, Array], rest: Array, rows: Sequence[Row]) -> Figure:
-    """The membrane's outer surface, seen from the side.
+def profiles(lines: Mapping[int, Array], rest: Array, rows: Sequence[Row], axial: bool = True) -> Figure:
+    """The line on the outer surface that a camera sees from the side.
 
     Args:
         lines: Outlines from `profile` by number of the step.
         rest: The undeformed outline.
         rows: All rows of ``path.csv``.
+        axial: The device is one of revolution, whose outline goes on beyond its axis.
     """
     everything = np.concatenate([rest, *lines.values()]) * 1e3
-    reach, low, high = everything[:, 0].max() * 1.04, everything[:, 1].min(), everything[:, 1].max()
-    tall = max(high - low, 0.5 * reach) * 1.16
+    right, low, high = everything[:, 0].max(), everything[:, 1].min(), everything[:, 1].max()
+    left, right = (-1.04 * right, 1.04 * right) if axial else (everything[:, 0].min() - 0.04 * right, 1.04 * right)
+    tall = max(high - low, 0.25 * (right - left)) * 1.16
     bottom = low - 0.08 * tall
     # The legend stands beside the axes, never on a line.
     inner = 7.1
-    height = inner * tall / (2 * reach)
+    height = inner * tall / (right - left)
     names = _labelled(list(lines))
     whole = max(height + 1.25, 0.27 * (len(names) + 2) + 0.6)
     figure = Figure((WIDTH, whole), dpi=DPI)
     axes = figure.add_axes((0.85 / WIDTH, (whole - height + 0.25) / 2 / whole, inner / WIDTH, height / whole))
-    axes.set(xlim=(-reach, reach), ylim=(bottom, bottom + 2 * reach * height / inner), aspect="equal")
-    axes.plot(*_both_sides(rest).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
+    axes.set(xlim=(left, right), ylim=(bottom, bottom + (right - left) * height / inner), aspect="equal")
+    axes.plot(*_outline(rest, axial).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
     colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
     turned = min((k for k, row in enumerate(rows) if row["limit"]), default=len(rows))
     for colour, (step, line) in zip(colours, lines.items(), strict=False):
         place = "\n(limit point)" if step == turned else "\n(past the limit)" if step > turned else ""
         label = f"{number(rows[step]['pressure_cm'])} cm{place}" if step in names else None
-        axes.plot(*_both_sides(line).T, color=colour, label=label)
-    axes.set(xlabel="distance from the axis in mm", ylabel="height in mm")
-    axes.set_title("Outer surface of the membrane")
+        axes.plot(*_outline(line, axial).T, color=colour, label=label)
+    axes.set(xlabel=f"distance from the {'axis' if axial else 'clamped base'} in mm", ylabel="height in mm")
+    axes.set_title("Outer surface of the membrane" if axial else "Upper face in the middle, from the side")
     axes.legend(title="water column", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
     return figure
 
@@ -156,9 +176,9 @@ def _labelled(steps: list[int]) -> set[int]:
     return set(steps[::-1][::every])
 
 
-def _both_sides(line: Array) -> Array:
-    """An outline in mm over both sides, between its nodes as the second-order cells have it; (k, 2) m to (m, 2) mm."""
+def _outline(line: Array, axial: bool) -> Array:
+    """An outline in mm, over both sides of an axis, between its nodes as the second-order cells have it; (k, 2) m to (m, 2) mm."""
     fine = line
     if len(line) % 2 and len(line) >= 3:  # corners and mid-edge nodes in turn
         fine = parabolas(np.stack([line[:-2:2], line[2::2], line[1:-1:2]], axis=1), 8).reshape(-1, 2)
-    return np.concatenate([fine[::-1] * (-1.0, 1.0), fine]) * 1e3
+    return (np.concatenate([fine[::-1] * (-1.0, 1.0), fine]) if axial else fine) * 1e3

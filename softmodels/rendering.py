@@ -159,19 +159,22 @@ def studio(camera: Camera, samples: int = 8) -> Iterator[Any]:
         plotter.clear_actors()
         for data, style in layers:
             if data.n_lines:  # lifted off the surface towards the viewer; in parallel projection nothing shifts
-                plotter.add_mesh(data.translate(1e-3 * far * direction), lighting=False, **style)
+                lifted = data.translate(1e-3 * far * direction)
+                plotter.add_mesh(lifted, lighting=False, render=False, reset_camera=False, **style)
             else:
-                plotter.add_mesh(data, **{"ambient": 0.5, "show_scalar_bar": False, **style})
-        plotter.camera_position = [focus + 10 * far * direction, focus, camera.up]
-        plotter.camera.parallel_projection = True
-        plotter.camera.parallel_scale = camera.scale
+                style = {"ambient": 0.5, "show_scalar_bar": False, **style}
+                plotter.add_mesh(data, render=False, reset_camera=False, **style)
         plotter.renderer.ResetCameraClippingRange()
+        plotter.render_window.Render()  # a second screenshot would not
         return np.asarray(plotter.screenshot(return_img=True))
 
     try:
         plotter.set_background("white")
         plotter.add_light(pyvista.Light(light_type="headlight", intensity=0.5))
         plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.4, 1.0, 0.3), intensity=0.35))
+        plotter.camera_position = [focus + 10 * far * direction, focus, camera.up]
+        plotter.camera.parallel_projection = True
+        plotter.camera.parallel_scale = camera.scale
         if samples > 1:
             plotter.enable_anti_aliasing("msaa", multi_samples=samples)
         yield shoot

@@ -10,7 +10,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from softmodels.pages import COLOURS, DPI, EDGE, FAINT, INK, SOLID, WIDTH, Array, Row, Scale, headline
+from softmodels.pages import COLOURS, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, Row, Scale, headline
 from softmodels.triangles import Cells, edge_curves, fine_triangles, outline
 
 if TYPE_CHECKING:
@@ -51,6 +51,34 @@ def section_stress(
     axes.set_title(headline(row, gauge))
     height = figure.get_figheight()
     stress.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
+    return figure
+
+
+def section_hot(points: Array, cells: Cells, hot: Array, values: Array, title: str, note: str) -> Figure:
+    """The deformed half section with its hottest cells coloured by stretch.
+
+    Args:
+        points: Deformed, in m, shape (n, 3) with y = 0.
+        cells: Shape (c, 6).
+        hot: Which cells are hot, shape (c,).
+        values: Largest principal stretch, shape (n,).
+        title: Of the picture.
+        note: Below the title: the peak.
+    """
+    flat, scale = points[:, ::2] * 1e3, Scale(values, "largest_stretch")
+    figure, axes = _section(flat, 1.25)
+    for chosen in (~hot, hot):
+        fine, triangles = fine_triangles(np.column_stack([flat, values]), cells[chosen])
+        mesh = Triangulation(fine[:, 0], fine[:, 1], triangles)
+        if chosen is hot:
+            axes.tripcolor(mesh, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=scale.low, vmax=scale.top)
+        else:
+            axes.tripcolor(mesh, np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
+    axes.add_collection(LineCollection(list(outline(flat, cells)), colors=INK, linewidths=1.0))
+    axes.set_title(title)
+    height = figure.get_figheight()
+    figure.text(0.5, 0.98 / height, note, ha="center", color=WARNING, fontsize=11)
+    scale.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
     return figure
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from geometries import Actuator
 from softmodels.cutting import best_plane, cut_open
-from softmodels.pages import DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Row, Scale, headline, number, page
+from softmodels.pages import DPI, EDGE, FAINT, INK, SOLID, WIDTH, Row, Scale, headline, number, page
 from softmodels.rendering import Camera, Image, lines, studio, surface
 from softmodels.skin import QUARTERS
 from softmodels.states import States
@@ -91,25 +91,20 @@ def stress(look: Look) -> tuple[list[tuple[int, Image]], Camera, Scale]:
     """
     states = look.states
     steps = states.shown()
-    scale = Scale(np.concatenate([states.field(step, "von_mises_stress") for step in steps]))
+    scale = look.scale(steps)
     camera = look.camera([0, *steps])
     with studio(camera) as shoot:
         return [(step, shoot(look.coloured(step, scale))) for step in steps], camera, scale
 
 
-def still(image: Image, row: Row, gauge: str, scale: Scale) -> Figure:
-    """One of the images of `stress` on its page."""
-    return page(image, headline(row, gauge), scale)
-
-
 def sheet(images: list[tuple[int, Image]], rows: list[Row], scale: Scale) -> Figure:
     """The images of `stress` side by side over one colour bar."""
     columns = COLUMNS[len(images)]
-    lines_ = -(-len(images) // columns)
+    rows_ = -(-len(images) // columns)
     wide = WIDTH / columns
     tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
     head, foot = 0.4, 0.95
-    whole = lines_ * (tall + head) + foot
+    whole = rows_ * (tall + head) + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
     for k, (step, image) in enumerate(images):
         left, top = k % columns * wide, whole - k // columns * (tall + head)
@@ -159,9 +154,7 @@ def hot_spots(look: Look) -> Figure:
     whole = [skin.device(skin.points(states.moved(step)))]
     with studio(Camera.around(whole, look.direction, look.up)) as shoot:
         image = shoot(layers)
-    figure = page(image, f"Stretched by more than {limit:.3g}: 1 % of the cells", scale)
-    figure.text(0.5, 1 - 0.72 / figure.get_figheight(), peak_text(states, step), ha="center", color=WARNING, fontsize=11)
-    return figure
+    return page(image, hot_title(states, limit), scale, peak_text(states, step))
 
 
 def hottest(states: States, step: int) -> tuple[Any, float, Any]:
@@ -170,6 +163,12 @@ def hottest(states: States, step: int) -> tuple[Any, float, Any]:
     mean = stretch[states.cells].mean(axis=1)
     limit = float(np.percentile(mean, HOT))
     return stretch, limit, mean >= limit
+
+
+def hot_title(states: States, limit: float) -> str:
+    """What is shown as hot, in words."""
+    many = 100 - HOT
+    return f"The {many:g} % of the {len(states.cells)} cells that are stretched most: by more than {limit:.3g}"
 
 
 def peak_text(states: States, step: int) -> str:

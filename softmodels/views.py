@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from softmodels.pages import EDGE, INK, Scale
 from softmodels.rendering import PIXELS, Camera, lines, surface
-from softmodels.skin import OUTSIDE
+from softmodels.skin import CUT, OUTSIDE
 from softmodels.states import States
 from softmodels.triangles import Array
 
@@ -49,17 +50,21 @@ class Look:
         """The camera that sees the whole of some states."""
         return Camera.around([self.points(step) for step in steps], self.direction, self.up, width, tallest)
 
+    def scale(self, steps: Sequence[int], field: str = "von_mises_stress") -> Scale:
+        """One scale for what is seen in some states: everything where a cut is seen, else the outside alone."""
+        states, skin = self.states, self.states.skin
+        if self.opened:
+            return Scale(np.array([states.field(step, field) for step in steps]), field)
+        outside = np.unique(skin.nodes[skin.triangles[skin.part == OUTSIDE]])
+        return Scale(np.array([states.field(step, field)[outside] for step in steps]), field, "outside")
+
     def coloured(self, step: float, scale: Scale) -> list[Any]:
         """Layers of a state, coloured, with its sharp edges."""
         states, skin = self.states, self.states.skin
-        at_rest = skin.points(states.points + states.between(step, "displacement"))
+        moved = skin.points(states.points + states.between(step, "displacement"))
         values = np.tile(states.between(step, scale.field)[skin.nodes] * scale.factor, len(self.kept))
-        shown = skin.device(at_rest, self.kept)
-        # A whole device hides its cavities, and the cuts between its images.
-        chosen = np.ones(len(skin.part), dtype=bool) if self.opened else skin.part == OUTSIDE
-        data = surface(
-            shown, skin.device_triangles(chosen, self.kept), skin.device(skin.normals(at_rest), self.kept), values
-        )
+        shown = skin.device(moved, self.kept)
+        data = surface(shown, self.visible, skin.device(skin.normals(moved), self.kept), values)
         style = {"scalars": "values", "cmap": scale.colours, "clim": (scale.low, scale.top), "smooth_shading": True}
         pairs = skin.device_lines(skin.edges, self.kept)
         if self.opened:
@@ -87,12 +92,28 @@ class Look:
     @functools.cached_property
     def open_rims(self) -> npt.NDArray[np.int64]:
         """Edges of the cuts at the two ends of the shown images, as vertices of these."""
-        skin, states = self.states.skin, self.states
-        rims = skin.device_lines(skin.rims, self.kept)
-        middle = skin.device(skin.points(states.points), self.kept)[rims].mean(axis=1) / states.actuator.size
-        rounded = np.floor(middle * 1e6 + 0.4142).astype(np.int64)
+        return self._single(self.states.skin.device_lines(self.states.skin.rims, self.kept))
+
+    @functools.cached_property
+    def visible(self) -> npt.NDArray[np.int64]:
+        """Triangles that can be seen, over the vertices of the shown images.
+
+        A whole device hides its cavities, an opened one the cuts between its images.
+        """
+        skin = self.states.skin
+        if not self.opened:
+            return skin.device_triangles(skin.part == OUTSIDE, self.kept)
+        cuts = self._single(skin.device_triangles(skin.part == CUT, self.kept))
+        return np.concatenate([skin.device_triangles(skin.part != CUT, self.kept), cuts])
+
+    def _single(self, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Of lines or triangles between the shown images, those that are there once; vertices, shape (k, 2 or 3)."""
+        states = self.states
+        places = states.skin.device(states.skin.points(states.points), self.kept)[corners].mean(axis=1)
+        # Off the round numbers that meshes like, where the last digit would decide.
+        rounded = np.floor(places / states.actuator.size * 1e6 + 0.4142).astype(np.int64)
         _, first, count = np.unique(rounded, axis=0, return_index=True, return_counts=True)
-        return np.asarray(rims[first[count == 1]])
+        return np.asarray(corners[first[count == 1]])
 
 
 def direction(azimuth: float, elevation: float, up: Array) -> Array:
