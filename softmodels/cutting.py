@@ -83,8 +83,6 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
         viewer: Direction towards the viewer, to whom the cut is turned.
         scale: The colours.
     """
-    import pyvista
-
     normal, place = plane
     normal = normal if normal @ viewer > 0 else -normal
     skin = states.skin
@@ -103,7 +101,8 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
             piece.points = piece.points @ image.T
             pieces.append(piece)
     if pieces:
-        face = _warped(pyvista.append_polydata(*pieces).clean(tolerance=1e-7))
+        together = pieces[0].append_polydata(*pieces[1:]) if len(pieces) > 1 else pieces[0]
+        face = _warped(together.clean(tolerance=1e-7, polys_to_lines=False, lines_to_points=False))
         found.append((face, {**style, "smooth_shading": False}))
         rim = face.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
         if rim.n_cells:

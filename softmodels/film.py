@@ -80,7 +80,9 @@ def _captioned(image: Image, text: str, scale: Scale) -> Image:
 def gif(images: list[Image]) -> bytes:
     """Frames as a GIF of at most `LARGEST` bytes; frames are left out if it must be."""
     for count in FEWER:
-        chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int))]
+        chosen = [
+            images[k] for k in np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int))
+        ]
         data = _gif(chosen)
         if len(data) <= LARGEST:
             break

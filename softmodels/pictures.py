@@ -19,16 +19,14 @@ from softmodels import film, plots, report, sections, stills
 from softmodels.case import Case, CaseError
 from softmodels.pages import STYLE, headline
 from softmodels.rendering import can_render
-from softmodels.results import Results, ResultsError, clear_pictures, replace, write_bytes
+from softmodels.results import ResultsError, clear_pictures, replace, write_bytes
 from softmodels.states import States
 from softmodels.views import Look, look
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NO_RENDERING = (
-    "this machine cannot render, so the pictures of the solid and the film are left out; the curves and the report are drawn"
-)
+NO_RENDERING = "this machine cannot render, so the pictures of the solid and the film are left out; the rest is drawn"
 
 
 class Folder:

@@ -177,7 +177,7 @@ def _labelled(steps: list[int]) -> set[int]:
 
 
 def _outline(line: Array, axial: bool) -> Array:
-    """An outline in mm, over both sides of an axis, between its nodes as the second-order cells have it; (k, 2) m to (m, 2) mm."""
+    """An outline in mm, on both sides of an axis, between nodes as second-order cells have it; (k, 2) m to (m, 2) mm."""
     fine = line
     if len(line) % 2 and len(line) >= 3:  # corners and mid-edge nodes in turn
         fine = parabolas(np.stack([line[:-2:2], line[2::2], line[1:-1:2]], axis=1), 8).reshape(-1, 2)

@@ -158,12 +158,14 @@ def studio(camera: Camera, samples: int = 8) -> Iterator[Any]:
     def shoot(layers: Sequence[Layer]) -> Image:
         plotter.clear_actors()
         for data, style in layers:
-            if data.n_lines:  # lifted off the surface towards the viewer; in parallel projection nothing shifts
+            style = {"show_scalar_bar": False, "render": False, "reset_camera": False, **style}
+            if (
+                data.n_lines and "scalars" not in style
+            ):  # lifted off the surface towards the viewer; in parallel projection nothing shifts
                 lifted = data.translate(1e-3 * far * direction)
-                plotter.add_mesh(lifted, lighting=False, render=False, reset_camera=False, **style)
+                plotter.add_mesh(lifted, lighting=False, **style)
             else:
-                style = {"ambient": 0.5, "show_scalar_bar": False, **style}
-                plotter.add_mesh(data, render=False, reset_camera=False, **style)
+                plotter.add_mesh(data, **{"ambient": 0.5, **style})
         plotter.renderer.ResetCameraClippingRange()
         plotter.render_window.Render()  # a second screenshot would not
         return np.asarray(plotter.screenshot(return_img=True))

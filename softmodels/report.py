@@ -29,13 +29,14 @@ from softmodels.views import Look
 WIDEST = 1200
 """Pictures are made smaller than this many pixels wide inside the page; the files keep their own size."""
 CAPTIONS = {
-    "undeformed": "The device at rest",
-    "stress": "Von Mises stress on the deformed device: one camera, one colour scale",
-    "cut": "Cut open; the cut is made in the undeformed material",
-    "hot-spots": "Where the silicone is stretched most",
-    "slice": "The modelled part; thin lines: undeformed",
-    "profile": "Outline from the side",
-    "mesh": "The mesh",
+    "undeformed.png": "The device at rest",
+    "stress.png": "Von Mises stress on the deformed device: one camera, one colour scale",
+    "film.gif": "Film over the path; between the computed steps the shape goes straight from one to the next",
+    "cut.png": "Cut open; the cut is made in the undeformed material",
+    "hot-spots.png": "Where the silicone is stretched most",
+    "slice.png": "The modelled part; thin lines: undeformed",
+    "profile.png": "Outline from the side",
+    "mesh.png": "The mesh",
 }
 """Pictures in the order of the page, with what they show."""
 REPORT = "report.html"
@@ -54,8 +55,7 @@ def write(look: Look, folder: Path, name: str) -> Path:
         "<h2>In 3-D</h2>", view(look),
         "<h2>The path</h2>", _curves(states),
         _requested(states),
-        "<h2>Pictures</h2>", *(_picture(folder / f"{stem}.png", text) for stem, text in CAPTIONS.items()),
-        _film(folder / "film.gif"),
+        "<h2>Pictures</h2>", *(_picture(folder / stem, text) for stem, text in CAPTIONS.items()),
         "<h2>The case</h2>", _device(states), _material(states), _load(states),
         "<h2>What to know</h2>", _notes(states),
         "<details><summary>All steps</summary>", _table(states.rows, states.rows), "</details>",
@@ -108,7 +108,9 @@ def _table(rows: list[dict[str, Any]], every: list[dict[str, Any]]) -> str:
     names = [name for name in every[0] if name != "requested"]
     lines = []
     for name in names:
-        cells = "".join(f'<td title="{html.escape(str(row.get(name, "")))}">{_shown(row.get(name))}</td>' for row in rows)
+        cells = "".join(
+            f'<td title="{html.escape(str(row.get(name, "")))}">{_shown(row.get(name))}</td>' for row in rows
+        )
         lines.append(f"<tr><th>{html.escape(_words(name))}</th>{cells}</tr>")
     return f'<div class="wide"><table class="path">{"".join(lines)}</table></div>'
 
@@ -133,6 +135,8 @@ def _shown(value: Any) -> str:
 def _picture(path: Path, text: str) -> str:
     if not path.exists():
         return ""
+    if path.suffix == ".gif":
+        return _figure("image/gif", path.read_bytes(), text)
     with Picture.open(path) as image:
         small = image.convert("RGB")
         if small.width > WIDEST:
@@ -140,13 +144,6 @@ def _picture(path: Path, text: str) -> str:
         stream = io.BytesIO()
         small.save(stream, "WEBP", quality=88, method=4)
     return _figure("image/webp", stream.getvalue(), text)
-
-
-def _film(path: Path) -> str:
-    if not path.exists():
-        return ""
-    text = "Film over the path; between the computed steps the shape goes straight from one to the next"
-    return _figure("image/gif", path.read_bytes(), text)
 
 
 def _figure(kind: str, data: bytes, text: str) -> str:
@@ -169,7 +166,9 @@ def _material(states: States) -> str:
     texts = {field.name: field.metadata["help"] for field in dataclasses.fields(material)}
     rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "law"]
     initial = f"{material.shear_modulus_0 / 1e3:.4g} kPa"
-    return _parameters(f"Material: {material.name}", [*rows, ("initial shear modulus", initial, "of all terms together")])
+    return _parameters(
+        f"Material: {material.name}", [*rows, ("initial shear modulus", initial, "of all terms together")]
+    )
 
 
 def _load(states: States) -> str:
@@ -209,9 +208,15 @@ def _notes(states: States) -> str:
     ]
     notes.append(
         f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
-        + (f"; one of {actuator.copies} equal parts was computed, the others are its images" if actuator.copies > 1 else "")
+        + (
+            f"; one of {actuator.copies} equal parts was computed, the others are its images"
+            if actuator.copies > 1
+            else ""
+        )
     )
-    notes.append("the largest stress and stretch converge only where corners are rounded; at a sharp one they grow with the mesh")
+    notes.append(
+        "the largest stress and stretch converge only at rounded corners; at sharp ones they grow with a finer mesh"
+    )
     notes.append("the silicone is elastic; weight, viscosity and contact of walls are not in the model")
     return "<ul>" + "".join(f"<li>{html.escape(note)}</li>" for note in notes if note) + "</ul>"
 

@@ -223,7 +223,16 @@ FIELDS = {
 }
 """Nodal fields of every step, with XDMF's kind."""
 
-PICTURES = ("profile", "mesh", "slice", "undeformed", "cut", "hot-spots", "stress", *(f"stress-{k}" for k in range(1, 5)))
+PICTURES = (
+    "profile",
+    "mesh",
+    "slice",
+    "undeformed",
+    "cut",
+    "hot-spots",
+    "stress",
+    *(f"stress-{k}" for k in range(1, 5)),
+)
 """Stems of the pictures drawn beside the one that has the gauge's name."""
 PAGES = ("film.gif", "film.mp4", "report.html")
 

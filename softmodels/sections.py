@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -28,9 +29,7 @@ def section_mesh(points: Array, cells: Cells) -> Figure:
     return figure
 
 
-def section_stress(
-    points: Array, moved: Array, cells: Cells, values: Array, row: Row, gauge: str
-) -> Figure:
+def section_stress(points: Array, moved: Array, cells: Cells, values: Array, row: Row, gauge: str) -> Figure:
     """The deformed half section coloured by stress, over the outline of the undeformed one.
 
     Args:
@@ -54,7 +53,9 @@ def section_stress(
     return figure
 
 
-def section_hot(points: Array, cells: Cells, hot: Array, values: Array, title: str, note: str) -> Figure:
+def section_hot(
+    points: Array, cells: Cells, hot: npt.NDArray[np.bool_], values: Array, title: str, note: str
+) -> Figure:
     """The deformed half section with its hottest cells coloured by stretch.
 
     Args:

@@ -109,6 +109,7 @@ def skin_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) -> 
         cell_name: XDMF's name of the cells.
         actuator: The device, for its symmetry.
     """
+    near_zero = 1e-7 * actuator.size
     if cell_name.startswith("Tri"):
         planes = np.array([(0.0, -1.0, 0.0), turn(SECTOR) @ (0.0, 1.0, 0.0)])
         shell, part, cut = _swept(points, cells)
@@ -116,7 +117,7 @@ def skin_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) -> 
     else:
         planes = np.array([plane.normal for plane in actuator.cut_planes]).reshape(-1, 3)
         faces = outer_faces(cells, cell_name)
-        near = np.abs(points[faces] @ planes.T) < 1e-7 * actuator.size
+        near = np.abs(points[faces] @ planes.T) < near_zero
         sliced = near.all(axis=1).any(axis=1)
         whole = faces[~sliced]
         part = np.repeat(_parts(points, whole[:, :3]), len(QUARTERS))
@@ -126,7 +127,7 @@ def skin_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) -> 
     nodes, triangles, edges = _creased(both, shell)
     cut_nodes, cut_triangles, rims = _creased(both, cut, border_only=True)
     every = np.concatenate([nodes, cut_nodes])
-    on_plane = np.abs(both[every] @ planes.T).T < 1e-7 * actuator.size
+    on_plane = np.abs(planes @ both[every].T) < near_zero
     on_plane[:, len(nodes) :] = False
     return Skin(
         nodes=every % len(points),

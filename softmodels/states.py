@@ -81,8 +81,10 @@ class States:
         """A nodal field between two steps, straight from one to the other; 2.5 is in the middle of steps 2 and 3."""
         step = min(int(position), len(self.rows) - 1)
         share = position - step
-        return self.field(step, name) if share < 1e-9 else (1 - share) * self.field(step, name) + share * self.field(
-            step + 1, name
+        return (
+            self.field(step, name)
+            if share < 1e-9
+            else (1 - share) * self.field(step, name) + share * self.field(step + 1, name)
         )
 
     @functools.cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -50,9 +51,7 @@ def mesh(look: Look) -> Figure:
     with studio(camera) as shoot:
         solid = surface(points, skin.triangles, skin.normals(points))
         edges = lines(curves.reshape(-1, 3), pairs)
-        image = shoot(
-            [(solid, {"color": SOLID, "smooth_shading": True}), (edges, {"color": EDGE, "line_width": 1.5})]
-        )
+        image = shoot([(solid, {"color": SOLID, "smooth_shading": True}), (edges, {"color": EDGE, "line_width": 1.5})])
     return page(image, f"Undeformed {_slice_name(states.actuator)}, {len(states.cells)} cells")
 
 
@@ -97,7 +96,7 @@ def stress(look: Look) -> tuple[list[tuple[int, Image]], Camera, Scale]:
         return [(step, shoot(look.coloured(step, scale))) for step in steps], camera, scale
 
 
-def sheet(images: list[tuple[int, Image]], rows: list[Row], scale: Scale) -> Figure:
+def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], scale: Scale) -> Figure:
     """The images of `stress` side by side over one colour bar."""
     columns = COLUMNS[len(images)]
     rows_ = -(-len(images) // columns)
@@ -182,5 +181,3 @@ def peak_text(states: States, step: int) -> str:
         return text
     place = ", ".join(f"{axis} = {row[f'max_stretch_{axis}_mm']:.2f}" for axis in "xyz")
     return f"{text}; of the undeformed device at {place} mm"
-
-

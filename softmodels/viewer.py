@@ -16,11 +16,11 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+import numpy.typing as npt
 
 from softmodels.pages import COLOURS, SHOWN, Scale, headline
 from softmodels.skin import CUT, OUTSIDE
 from softmodels.states import States
-from softmodels.triangles import Array
 from softmodels.views import Look
 
 VALUES = 2_500_000
@@ -44,7 +44,8 @@ def view(look: Look) -> str:
     program = resources.files("softmodels").joinpath("viewer.js").read_text()
     return f"""<div id="viewer">
 <div class="bar"><span id="viewer-label"></span><span class="colours"><span id="viewer-what"></span>
-<span id="viewer-low"></span><i style="background:linear-gradient(to right,{gradient})"></i><span id="viewer-top"></span></span></div>
+<span id="viewer-low"></span>
+<i style="background:linear-gradient(to right,{gradient})"></i><span id="viewer-top"></span></span></div>
 <canvas id="viewer-canvas"></canvas>
 <div class="bar"><button id="viewer-play">▶ play</button>
 <input id="viewer-step" type="range" min="0" max="{len(steps) - 1}" value="{steps.index(states.main)}" aria-label="step">
@@ -99,7 +100,9 @@ def packed(look: Look, steps: list[int]) -> tuple[dict[str, Any], bytes]:
     for step, place in zip(steps, places, strict=True):
         columns = [np.round((place - low) / span * FULL).ravel()]
         for name, field in zip(SHOWN, fields, strict=True):
-            share = (states.field(step, name)[skin.nodes[used]] * SHOWN[name][2] - field["low"]) / (field["top"] - field["low"])
+            share = (states.field(step, name)[skin.nodes[used]] * SHOWN[name][2] - field["low"]) / (
+                field["top"] - field["low"]
+            )
             columns.append(np.round(np.clip(share, 0.0, 1.0) * FULL))
         for k, column in enumerate(columns):
             pieces.append(_bytes(column - before[k]))
@@ -130,6 +133,6 @@ def _field(look: Look, name: str, steps: list[int]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _bytes(column: Array) -> bytes:
+def _bytes(column: npt.NDArray[Any]) -> bytes:
     """Whole numbers modulo 65536, low bytes before high bytes: neighbours differ little, which packs well."""
     return np.asarray(column).astype(np.int64).astype("<u2").view(np.uint8).reshape(-1, 2).T.tobytes()

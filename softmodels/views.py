@@ -119,7 +119,9 @@ class Look:
 def direction(azimuth: float, elevation: float, up: Array) -> Array:
     """Unit vector at an azimuth and an elevation in degrees, above the plane across ``up``, an axis."""
     a, e = np.radians(azimuth), np.radians(elevation)
-    turned = np.roll(np.eye(3), int(np.argmax(np.abs(up))) - 2, axis=1)  # rows: x, y and z of a device that rises along z
+    turned = np.roll(
+        np.eye(3), int(np.argmax(np.abs(up))) - 2, axis=1
+    )  # rows: x, y and z of a device that rises along z
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]) @ turned
 
 
