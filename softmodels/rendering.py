@@ -159,9 +159,8 @@ def studio(camera: Camera, samples: int = 8) -> Iterator[Any]:
         plotter.clear_actors()
         for data, style in layers:
             style = {"show_scalar_bar": False, "render": False, "reset_camera": False, **style}
-            if (
-                data.n_lines and "scalars" not in style
-            ):  # lifted off the surface towards the viewer; in parallel projection nothing shifts
+            if data.n_lines and "scalars" not in style:
+                # Lifted off the surface towards the viewer; in parallel projection nothing shifts.
                 lifted = data.translate(1e-3 * far * direction)
                 plotter.add_mesh(lifted, lighting=False, **style)
             else:
