@@ -142,7 +142,7 @@ def lines(points: Array, pairs: Cells) -> Any:
 
 
 @contextlib.contextmanager
-def studio(camera: Camera, samples: int = 8) -> Iterator[Any]:
+def studio(camera: Camera, samples: int = 4) -> Iterator[Any]:
     """A place to take pictures in, with one camera: gives a function from layers to an image, shape (height, width, 3).
 
     Args:

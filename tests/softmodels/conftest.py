@@ -204,11 +204,11 @@ def half_slab(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def drawn(wedge, half_section, half_slab):
+def drawn(wedge, half_slab):
     """Return a function that gives a kind's folder, drawn by the program, and what it said."""
     if not can_render():
         pytest.skip("this machine cannot render")
-    folders = {"wedge": wedge, "half_section": half_section, "half_slab": half_slab}
+    folders = {"wedge": wedge, "half_slab": half_slab}
     started = {kind: command(folder) for kind, folder in folders.items()}
     ended = {kind: finished(process) for kind, process in started.items()}
     return lambda kind: (folders[kind], ended[kind])

@@ -25,7 +25,7 @@ def loaded(folder: Path) -> tuple[States, HollowDisk]:
     return states, states.actuator
 
 
-@pytest.mark.parametrize("kind", ["wedge", "half_section", "half_slab"])
+@pytest.mark.parametrize("kind", ["wedge", "half_slab"])
 def test_every_picture_is_drawn_and_shows_something(kind, drawn):
     folder, done = drawn(kind)
     assert (done.returncode, done.stderr) == (0, "")
@@ -42,7 +42,7 @@ def test_every_picture_is_drawn_and_shows_something(kind, drawn):
         assert (rim == 1.0).all(), name
 
 
-@pytest.mark.parametrize("kind", ["wedge", "half_section", "half_slab"])
+@pytest.mark.parametrize("kind", ["wedge", "half_slab"])
 def test_stress_has_one_camera_and_one_scale(kind, drawn):
     folder, _ = drawn(kind)
     pages = [Image.open(folder / f"{name}.png") for name in ("stress-1", "stress-2", "stress")]

@@ -53,7 +53,7 @@ class Page(HTMLParser):
             self.texts[self.open[-1][1].get("id")] = data
 
 
-@pytest.fixture(scope="module", params=["wedge", "half_section", "half_slab"])
+@pytest.fixture(scope="module", params=["wedge", "half_slab"])
 def report(request, drawn):
     folder, _ = drawn(request.param)
     text = (folder / "report.html").read_text()
@@ -78,7 +78,8 @@ def test_its_table_has_the_numbers_of_the_path(report):
         rows = [row for row in csv.DictReader(file) if row["requested"] == "1"]
     found = [row for row in page.rows if row[0][0] == "pressure (Pa)"]
     assert len(found) == 2  # requested values, and all steps
-    table = {row[0][0]: row[1:] for row in page.rows[: page.rows.index(found[1])]}
+    # The first table of the two: "All steps" comes later and has a column for each.
+    table = {row[0][0]: row[1:] for row in page.rows if len(row) == 1 + len(rows) and row[1][1] is not None}
     # A column that nobody knows of yet is there like the others.
     names = {"pressure (cm)": "pressure_cm", "added volume (ml)": "added_volume_ml", "of tomorrow (N)": "of_tomorrow_N"}
     for words, column in names.items():
