@@ -17,7 +17,7 @@ def softmodels() -> None:
     \b
     python -m softmodels.disk --help    the disk actuator
     softmodels run case.toml            repeat a run from its case file
-    softmodels draw results/disk        make the pictures of a run anew
+    softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels doctor                   check the installation
     """
 
@@ -47,7 +47,7 @@ def run_file(
 @softmodels.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
 def draw(folder: Path) -> None:
-    """Make the pictures of the results in FOLDER anew."""
+    """Make the pictures, the film and the report of the results in FOLDER anew."""
     from softmodels.pictures import draw_folder
 
     draw_folder(folder)

@@ -1,6 +1,6 @@
 """The interactive 3-D view of a report: the surface of all steps packed small, and the page's own program that draws it.
 
-A program of its own in WebGL, about 14 kB, in place of a library: Plotly's would add 4.7 MB to every report and hold each
+A program of its own in WebGL, of 13 kB, in place of a library: Plotly's would add 4.8 MB to every report and hold each
 step's whole device as numbers of 8 bytes; three.js and vtk.js come from servers or from another language's packages. This
 one needs neither network nor installation, keeps one slice and its images, and 10 bytes per vertex and step before packing.
 """
