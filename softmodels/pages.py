@@ -92,7 +92,7 @@ class Scale:
     def bar(self, figure: Figure, axes: Axes) -> None:
         """Draw the bar into axes."""
         unit = (f" in {self.unit}" if self.unit else "") + (f", {self.where}" if self.where else "")
-        note = f"{CLIPPED:g} % of the nodes lie within the colours; largest {self.largest:.3g} {self.unit}".rstrip()
+        note = f"{CLIPPED:g} % of the nodes lie within the colours; largest at one: {self.largest:.3g} {self.unit}".rstrip()
         scale = ScalarMappable(Normalize(self.low, self.top), self.colours)
         extend = "max" if self.largest > self.top else "neither"
         figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit} ({note})")
