@@ -90,6 +90,9 @@ class Actuator(ABC):
     stem: ClassVar[str] = "device"
     """Name of its result files and default folder where a case has no name."""
 
+    axial: ClassVar[bool] = False
+    """Whether it is a body of revolution around z, of which pictures may leave out any part of the circle."""
+
     faces: ClassVar[tuple[str, ...]] = ()
     """Physical groups on the outside that a thin sheet can be bonded to."""
 

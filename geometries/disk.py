@@ -60,6 +60,7 @@ class HollowDisk(Actuator):
     support: str = choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
 
     stem: ClassVar = "disk"
+    axial: ClassVar = True
     faces: ClassVar = ("top",)
     stiffer: ClassVar = "a thicker membrane (--membrane), a smaller cavity (--cavity-radius)"
     examples: ClassVar = (

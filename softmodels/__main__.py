@@ -20,7 +20,7 @@ def softmodels() -> None:
     \b
     python -m softmodels.disk --help    the disk actuator
     softmodels run case.toml            repeat a run from its case file
-    softmodels draw results/disk        make the pictures of a run anew
+    softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
     softmodels demo                     once around: simulate, photograph, measure, fit, compare
@@ -53,7 +53,7 @@ def run_file(
 @softmodels.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
 def draw(folder: Path) -> None:
-    """Make the pictures of the results in FOLDER anew."""
+    """Make the pictures, the film and the report of the results in FOLDER anew."""
     from softmodels.pictures import draw_folder
 
     draw_folder(folder)

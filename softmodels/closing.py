@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -47,9 +48,19 @@ def _risen(device: Actuator, rises: dict[str, float]) -> str:
     return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
 
 
+def volume_note(row: Mapping[str, Any]) -> str:
+    """What a reader must know of a state's change of volume; empty if the silicone nearly kept it."""
+    if row["J_min"] >= 1 - VOLUME_CHANGE and row["J_max"] <= 1 + VOLUME_CHANGE:
+        return ""
+    return (
+        f"the silicone's own volume changed to {row['J_min']:.3f} to {row['J_max']:.3f} of what it was; rubber keeps it, so "
+        "take --poisson nearer to 0.5, or a finer mesh where cells are few"
+    )
+
+
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Gather the results, draw them, say how it ended."""
-    stored = results.stored
+    stored, took = results.stored, None
     if stored and status != BAD_INPUT:
         try:
             results.finish()
@@ -59,7 +70,9 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             }  # fmt: skip
             write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
             if draw and status in (DONE, NO_EQUILIBRIUM):
-                _draw(results)
+                if not quiet:
+                    print("drawing pictures, film and report (--no-pictures leaves them out)", file=sys.stderr)
+                took = _draw(results)
         except OSError as error:
             status = status or FAILED
             message = message or (
@@ -77,18 +90,14 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             print(f"softmodels: note: {note}", file=sys.stderr)
     if not message and not quiet:
         row, gauge = results.rows[-1], case.actuator.gauge
-        if row["J_min"] < 1 - VOLUME_CHANGE or row["J_max"] > 1 + VOLUME_CHANGE:
-            print(
-                f"softmodels: note: the silicone's own volume changed to {row['J_min']:.3f} to {row['J_max']:.3f} of what it "
-                "was; rubber keeps it, so take --poisson nearer to 0.5, or a finer mesh where cells are few",
-                file=sys.stderr,
-            )
+        if note := volume_note(row):
+            print(f"softmodels: note: {note}", file=sys.stderr)
         print(
             f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa): {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
             f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
-        pictures = ", pictures (*.png)" if draw else ""
+        pictures = f"; pictures (*.png), film.gif and report.html, in {took:.1f} s" if took is not None else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status
 
@@ -119,13 +128,15 @@ def stretch_notes(case: Case, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return []
 
 
-def _draw(results: Results) -> None:
-    """Draw in a process of its own: VTK and DOLFINx each bring an HDF5."""
+def _draw(results: Results) -> float | None:
+    """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5; the seconds it took, None if it failed."""
+    begun = time.monotonic()
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
     command = [sys.executable, "-m", "softmodels.pictures", str(results.folder), "--name", results.name]
     done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
     if done.returncode == 0:
         print(done.stderr, end="", file=sys.stderr)  # such as that this machine cannot render
-    else:
-        reason = (done.stderr or done.stdout).strip().splitlines() or [f"exit status {done.returncode}"]
-        print(f"softmodels: the pictures could not be drawn ({reason[-1]}); the results are complete", file=sys.stderr)
+        return time.monotonic() - begun
+    reason = (done.stderr or done.stdout).strip().splitlines() or [f"exit status {done.returncode}"]
+    print(f"softmodels: the pictures could not be drawn ({reason[-1]}); the results are complete", file=sys.stderr)
+    return None

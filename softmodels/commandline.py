@@ -43,7 +43,7 @@ Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested valu
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--no-pictures``, PETSc's words."""
     command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
-    command = click.option("--no-pictures", is_flag=True, help="Leave the pictures out.")(command)
+    command = click.option("--no-pictures", is_flag=True, help="Leave pictures, film and report out.")(command)
     command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
     command = click.option("--resume", is_flag=True, help="Go on from where an interrupted run stopped.")(command)
     text = "Folder for the results; an earlier run's are replaced."

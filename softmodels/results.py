@@ -79,8 +79,7 @@ class Results:
             self.folder / "summary.json",
         ):
             path.unlink(missing_ok=True)
-        for picture in (*PICTURES, self.gauge, self.name):
-            (self.folder / f"{picture}.png").unlink(missing_ok=True)
+        clear_pictures(self.folder, self.gauge)
 
     def begin(self, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], cell_name: str) -> None:
         """Store the grid: points (n, 3) in m, cells (c, k) of an XDMF cell type."""
@@ -224,8 +223,24 @@ FIELDS = {
 }
 """Nodal fields of every step, with XDMF's kind."""
 
-PICTURES = ("profile", "mesh", "slice")
-"""Stems of the pictures drawn beside those that have the results' and the gauge's name."""
+PICTURES = (
+    "profile",
+    "mesh",
+    "slice",
+    "undeformed",
+    "cut",
+    "hot-spots",
+    "stress",
+    *(f"stress-{k}" for k in range(1, 5)),
+)
+"""Stems of the pictures drawn beside the one that has the gauge's name."""
+PAGES = ("film.gif", "film.mp4", "report.html")
+
+
+def clear_pictures(folder: Path, gauge: str) -> None:
+    """Take away what was drawn before: pictures, film and report."""
+    for name in (*(f"{picture}.png" for picture in (*PICTURES, gauge)), *PAGES):
+        (folder / name).unlink(missing_ok=True)
 
 
 def _item(parent: Any, shape: tuple[int, ...], place: str, number: str = "Float", precision: str = "8") -> None:
@@ -273,3 +288,8 @@ def hdf5_reason(error: BaseException) -> str:
 def write_text(path: Path, text: str) -> None:
     """Write a small file whole or not at all."""
     replace(path, lambda aside: aside.write_text(text))
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """The same of bytes."""
+    replace(path, lambda aside: aside.write_bytes(data))

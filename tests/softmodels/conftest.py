@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,13 @@ from xml.etree import ElementTree
 import h5py
 import numpy as np
 import pytest
+
+from geometries import HollowDisk, SeminarActuator
+from geometries.meshing import private_model
+from softmodels.case import Case
+from softmodels.material_table import DEFAULT
+from softmodels.rendering import can_render
+from softmodels.results import Results
 
 DISK = ("-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures")
 SOFT = ("--variant", "shadow", "--pressure-cm", "0,52.5,52.9,60", "--quiet")
@@ -94,3 +102,113 @@ def limited(tmp_path_factory):
     """A run past a limit point, which it cannot but meet: its folder, and what it said."""
     folder = tmp_path_factory.mktemp("limited") / "disk"
     return folder, disk(folder, *SOFT)
+
+
+# -- made-up results to draw --------------------------------------------------------------------------------------------
+
+RISE, SPREAD, STEPS = 4e-3, 0.05, 6
+"""Of the made-up displacement at full load: rise of the top in m, radial strain; and the number of states."""
+
+
+def grid_of(device, folder):
+    """Points in device coordinates and cells in VTK's order of nodes."""
+    import gmsh
+
+    gmsh_type, count, order, name = {
+        2: (9, 6, [0, 1, 2, 3, 4, 5], "Triangle_6"),
+        3: (11, 10, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8], "Tetrahedron_10"),
+    }[device.dimension]
+    file = device.write(folder / "made-up.msh")
+    with private_model():
+        gmsh.merge(str(file))
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        _, nodes = gmsh.model.mesh.getElementsByType(gmsh_type)
+    number_of = np.zeros(int(tags.max()) + 1, dtype=int)
+    number_of[tags.astype(int)] = np.arange(len(tags))
+    cells = number_of[nodes.astype(int)].reshape(-1, count)[:, order]
+    return device.device_points(coordinates.reshape(-1, 3)), cells, name
+
+
+def displacement(device, points, share):
+    """A dome that also spreads, or a slab that bends, at a share of the full load."""
+    if not device.axial:
+        return share * RISE * np.column_stack([0 * points[:, :2], (points[:, 0] / device.length) ** 2])
+    u = np.zeros_like(points)
+    u[:, :2] = share * SPREAD * points[:, :2]
+    radius = np.hypot(points[:, 0], points[:, 1]) / device.outer_radius
+    u[:, 2] = share * RISE * (1 - radius**2) * points[:, 2] / device.height
+    return u
+
+
+def made_up(folder, device, name="disk"):
+    """Results with a limit point before the last step; 50 cm and 100 cm were requested."""
+    results = Results(folder, name, device.gauge)
+    results.clear()
+    points, cells, kind = grid_of(device, folder)
+    results.begin(points, cells, kind)
+    (folder / "case.toml").write_text(Case(name, device, DEFAULT, (50.0, 100.0, 150.0)).to_toml())
+    for k, pressure in enumerate((0.0, 25.0, 50.0, 100.0, 120.0, 110.0)):
+        share = k / (STEPS - 1)
+        stress = share * 1e4 * (1 + np.hypot(points[:, 0], points[:, 1]) / 0.02)
+        row = {
+            "step": k,
+            "pressure_cm": pressure,
+            "pressure_Pa": 95.0 * pressure,
+            "added_volume_ml": share,
+            f"{device.gauge}_mm": share * RISE * 1e3,
+            "requested": int(pressure in (50.0, 100.0)),
+            "limit": int(pressure == 120.0),
+            "of_tomorrow_N": 1.0 / 3.0 + k,
+        }
+        fields = {"displacement": displacement(device, points, share), "von_mises_stress": stress}
+        results.add(row, {**fields, "p": stress, "largest_stretch": 1 + 1e-5 * stress, "J": 1 + 0 * stress}, {})
+    results.finish()
+    return folder
+
+
+def command(*arguments):
+    """Start the drawing program in a process of its own, as it is meant to run, and without a display."""
+    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
+    line = [sys.executable, "-m", "softmodels.pictures", *map(str, arguments)]
+    return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def finished(process):
+    """Wait for a process of `command`."""
+    out, err = process.communicate(timeout=240)
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
+@pytest.fixture(scope="session")
+def drawings():
+    """The functions of made-up results."""
+    return types.SimpleNamespace(
+        grid_of=grid_of, displacement=displacement, command=lambda *words: finished(command(*words))
+    )
+
+
+@pytest.fixture(scope="session")
+def wedge(tmp_path_factory):
+    return made_up(tmp_path_factory.mktemp("wedge"), HollowDisk(cell_size=0.006, refinement=1.0))
+
+
+@pytest.fixture(scope="session")
+def half_section(tmp_path_factory):
+    return made_up(tmp_path_factory.mktemp("half"), HollowDisk(section="axisymmetric", cell_size=0.006, refinement=1.0))
+
+
+@pytest.fixture(scope="session")
+def half_slab(tmp_path_factory):
+    slab = SeminarActuator(channels=2, spread=40.0, around=6.0, cell_size=0.008)
+    return made_up(tmp_path_factory.mktemp("slab"), slab, "slab")
+
+
+@pytest.fixture(scope="session")
+def drawn(wedge, half_slab):
+    """Return a function that gives a kind's folder, drawn by the program, and what it said."""
+    if not can_render():
+        pytest.skip("this machine cannot render")
+    folders = {"wedge": wedge, "half_slab": half_slab}
+    started = {kind: command(folder) for kind, folder in folders.items()}
+    ended = {kind: finished(process) for kind, process in started.items()}
+    return lambda kind: (folders[kind], ended[kind])

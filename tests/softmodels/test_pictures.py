@@ -3,142 +3,81 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
+import shutil
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
+from PIL import Image
 
 from geometries import HollowDisk
-from geometries.meshing import private_model
-from softmodels import pictures, plots
-from softmodels.case import Case
-from softmodels.material_table import DEFAULT
+from softmodels import pictures, plots, rendering, triangles
 from softmodels.results import Results, ResultsError
+from softmodels.states import States
 
-RISE, SPREAD = 4e-3, 0.05
-"""Of the made-up displacement at full load: rise of the apex in m, and radial strain."""
-STEPS = 6
-
-
-def grid_of(disk: HollowDisk, folder: Path) -> tuple[np.ndarray, np.ndarray, str]:
-    """Points in device coordinates and cells in VTK's order of nodes."""
-    import gmsh
-
-    gmsh_type, count, order, name = {
-        2: (9, 6, [0, 1, 2, 3, 4, 5], "Triangle_6"),
-        3: (11, 10, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8], "Tetrahedron_10"),
-    }[disk.dimension]
-    file = disk.write(folder / "made-up.msh")
-    with private_model():
-        gmsh.merge(str(file))
-        tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        _, nodes = gmsh.model.mesh.getElementsByType(gmsh_type)
-    number_of = np.zeros(int(tags.max()) + 1, dtype=int)
-    number_of[tags.astype(int)] = np.arange(len(tags))
-    cells = number_of[nodes.astype(int)].reshape(-1, count)[:, order]
-    return disk.device_points(coordinates.reshape(-1, 3)), cells, name
+RISE, SPREAD, STEPS = 4e-3, 0.05, 6
+"""Of the made-up results; see the fixtures."""
 
 
-def displacement(disk: HollowDisk, points: np.ndarray, share: float) -> np.ndarray:
-    """A dome that also spreads, at a share of the full load."""
-    u = np.zeros_like(points)
-    u[:, :2] = share * SPREAD * points[:, :2]
-    radius = np.hypot(points[:, 0], points[:, 1]) / disk.outer_radius
-    u[:, 2] = share * RISE * (1 - radius**2) * points[:, 2] / disk.height
-    return u
+def loaded(folder: Path) -> tuple[States, HollowDisk]:
+    states = States(folder, "disk")
+    return states, states.actuator
 
 
-def made_up(folder: Path, disk: HollowDisk) -> Path:
-    """Results with a limit point before the last step; 50 cm and 100 cm were requested."""
-    results = Results(folder, "disk")
-    results.clear()
-    points, cells, name = grid_of(disk, folder)
-    results.begin(points, cells, name)
-    (folder / "case.toml").write_text(Case("disk", disk, DEFAULT, (50.0, 100.0, 150.0)).to_toml())
-    for k, pressure in enumerate((0.0, 25.0, 50.0, 100.0, 120.0, 110.0)):
-        share = k / (STEPS - 1)
-        stress = share * 1e4 * (1 + np.hypot(points[:, 0], points[:, 1]) / disk.outer_radius)
-        row = {
-            "step": k,
-            "pressure_cm": pressure,
-            "pressure_Pa": 95.0 * pressure,
-            "added_volume_ml": share,
-            "apex_mm": share * RISE * 1e3,
-            "requested": int(pressure in (50.0, 100.0)),
-            "limit": int(pressure == 120.0),
-        }
-        fields = {"displacement": displacement(disk, points, share), "von_mises_stress": stress}
-        results.add(row, {**fields, "p": stress, "largest_stretch": 1 + stress, "J": 1 + stress}, {})
-    results.finish()
-    return folder
-
-
-@pytest.fixture(scope="module")
-def wedge(tmp_path_factory) -> Path:
-    return made_up(tmp_path_factory.mktemp("wedge"), HollowDisk(cell_size=0.006, refinement=1.0))
-
-
-@pytest.fixture(scope="module")
-def half_section(tmp_path_factory) -> Path:
-    return made_up(tmp_path_factory.mktemp("half"), HollowDisk(section="axisymmetric", cell_size=0.006, refinement=1.0))
-
-
-def command(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """The program in a process of its own, as it is meant to run, and without a display."""
-    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
-    line = [sys.executable, "-m", "softmodels.pictures", *map(str, arguments)]
-    return subprocess.run(line, capture_output=True, text=True, env=environment, timeout=120, check=False)
-
-
-def loaded(folder: Path) -> tuple[Results, pictures.Body, HollowDisk]:
-    results = Results(folder, "disk")
-    results.load()
-    return results, pictures._chosen(results)[1], Case.from_file(folder / "case.toml").actuator
-
-
-@pytest.mark.parametrize("kind", ["wedge", "half_section"])
-def test_all_five_pictures_are_drawn_and_show_something(kind, request):
-    if not pictures.can_render():
-        pytest.skip("this machine cannot render")
-    folder = request.getfixturevalue(kind)
-    done = command(folder)
+@pytest.mark.parametrize("kind", ["wedge", "half_slab"])
+def test_every_picture_is_drawn_and_shows_something(kind, drawn):
+    folder, done = drawn(kind)
     assert (done.returncode, done.stderr) == (0, "")
-    names = {"mesh.png", "slice.png", "disk.png", "apex.png", "profile.png"}
-    assert {Path(line).name for line in done.stdout.split()} == names
+    gauge = "tip" if kind == "half_slab" else "apex"
+    names = {f"{name}.png" for name in ("undeformed", "mesh", "slice", "cut", "hot-spots", "profile", gauge, "stress")}
+    names |= {"stress-1.png", "stress-2.png"}  # two pressures were requested
+    assert {Path(line).name for line in done.stdout.split()} - {"film.mp4"} == {*names, "film.gif", "report.html"}
     for name in names:
         image = matplotlib.image.imread(folder / name)[:, :, :3]
-        assert image.shape[1] == 1600 and 400 < image.shape[0] < 1800, name
-        assert image.std() > 0.08, f"{name} is nearly blank"
+        assert image.shape[1] == 1600 and 250 < image.shape[0] < 1900, name
+        assert image.std() > 0.04, f"{name} is nearly blank"
         # A white rim: nothing is cut off.
         rim = np.concatenate([image[:3].reshape(-1, 3), image[-3:].reshape(-1, 3), image[:, :3].reshape(-1, 3)])
         assert (rim == 1.0).all(), name
 
 
-def test_without_rendering_the_curves_are_drawn_and_one_sentence_said(wedge, monkeypatch):
+@pytest.mark.parametrize("kind", ["wedge", "half_slab"])
+def test_stress_has_one_camera_and_one_scale(kind, drawn):
+    folder, _ = drawn(kind)
+    pages = [Image.open(folder / f"{name}.png") for name in ("stress-1", "stress-2", "stress")]
+    for key in ("Camera", "Scale"):
+        assert len({page.text[key] for page in pages}) == 1, key
+    assert pages[0].size == pages[1].size and pages[0].text["Title"] != pages[1].text["Title"]
+    low, high = pages[0].text["Scale"].split(" to ")
+    states = States(folder, "disk" if kind != "half_slab" else "slab")
+    stresses = np.concatenate([states.field(step, "von_mises_stress") for step in states.shown()])
+    assert float(low) == 0.0 and 0.3 * stresses.max() < float(high.split()[0]) * 1e3 <= stresses.max()
+
+
+def test_without_rendering_the_curves_are_drawn_and_one_sentence_said(wedge, tmp_path, monkeypatch):
     monkeypatch.setattr(pictures, "can_render", lambda: False)
     said: list[str] = []
-    assert [path.name for path in pictures.draw(wedge, "disk", said.append)] == ["apex.png", "profile.png"]
+    names = [path.name for path in pictures.draw(plain(wedge, tmp_path), "disk", said.append)]
+    assert names == ["apex.png", "profile.png", "report.html"]
     assert said == [pictures.NO_RENDERING]
 
 
-def test_the_flat_sections_need_no_rendering(half_section, monkeypatch):
+def test_the_flat_sections_need_no_rendering(half_section, tmp_path, monkeypatch):
     monkeypatch.setattr(pictures, "can_render", lambda: False)
-    names = [path.name for path in pictures.draw(half_section, "disk", lambda text: None)]
-    assert names == ["apex.png", "profile.png", "mesh.png", "slice.png"]
+    names = [path.name for path in pictures.draw(plain(half_section, tmp_path), "disk", lambda text: None)]
+    assert names == ["apex.png", "profile.png", "mesh.png", "slice.png", "hot-spots.png", "report.html"]
 
 
 def test_a_crash_of_the_renderer_is_no_crash_of_the_program(monkeypatch):
-    monkeypatch.setattr(pictures, "PROBE", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    monkeypatch.setattr(rendering, "PROBE", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     monkeypatch.delenv("VTK_DEFAULT_OPENGL_WINDOW", raising=False)
-    assert pictures.can_render.__wrapped__() is False
+    assert rendering.can_render.__wrapped__() is False
     assert "VTK_DEFAULT_OPENGL_WINDOW" not in os.environ
 
 
-def test_an_empty_folder_gives_exit_code_2_and_a_sentence(tmp_path):
-    done = command(tmp_path)
+def test_an_empty_folder_gives_exit_code_2_and_a_sentence(tmp_path, drawings):
+    done = drawings.command(tmp_path)
     assert done.returncode == 2
     assert done.stdout == "" and done.stderr.count("\n") == 1 and "holds no results" in done.stderr
     assert list(tmp_path.iterdir()) == []
@@ -160,20 +99,27 @@ def test_results_without_a_step_are_refused(tmp_path):
 
 @pytest.mark.parametrize("kind", ["wedge", "half_section"])
 def test_the_profile_follows_the_displacement(kind, request):
-    results, body, disk = loaded(request.getfixturevalue(kind))
-    u = results.fields(STEPS - 1, ("displacement",))["displacement"]
-    radius = plots.profile(body.points, np.zeros_like(u), disk)[:, 0]
-    line = plots.profile(body.points, u, disk)
+    states, disk = loaded(request.getfixturevalue(kind))
+    u = states.field(STEPS - 1, "displacement")
+    radius = plots.profile(states.points, np.zeros_like(u), disk)[:, 0]
+    line = plots.profile(states.points, u, disk)
     assert radius[0] == 0.0 and radius[-1] == pytest.approx(disk.outer_radius) and (np.diff(radius) > 0).all()
     assert line[:, 0] == pytest.approx((1 + SPREAD) * radius)
     assert line[:, 1] == pytest.approx(disk.height + RISE * (1 - (radius / disk.outer_radius) ** 2))
 
 
-def test_the_profile_of_a_turned_slice_is_the_same(tmp_path):
+def test_the_profile_of_a_turned_slice_is_the_same(drawings, tmp_path):
     disk = HollowDisk(cell_size=0.006, refinement=1.0, azimuth=100.0)
-    points, _, _ = grid_of(disk, tmp_path)
-    line = plots.profile(points, displacement(disk, points, 1.0), disk)
+    points, _, _ = drawings.grid_of(disk, tmp_path)
+    line = plots.profile(points, drawings.displacement(disk, points, 1.0), disk)
     assert line[-1] == pytest.approx(((1 + SPREAD) * disk.outer_radius, disk.height))
+
+
+def plain(folder: Path, into: Path) -> Path:
+    """A copy of results without what was drawn."""
+    for name in ("disk.h5", "disk.xdmf", "case.toml"):
+        shutil.copy(folder / name, into / name)
+    return into
 
 
 def rows(pressures: list[float], requested: set[float], limit: float | None = None) -> list[dict[str, float]]:
@@ -219,40 +165,24 @@ def test_the_smooth_curve_keeps_points_and_turning_points():
 
 
 def test_the_state_shown_is_the_last_requested_one(wedge):
-    row, body = pictures._chosen(loaded(wedge)[0])
-    assert row["pressure_cm"] == 100.0
-    assert body.displacement[:, 2].max() == pytest.approx(0.6 * RISE)
-
-
-@pytest.mark.parametrize(("angle", "azimuth"), [(45.0, 0.0), (120.0, 30.0), (180.0, 0.0), (360.0, 20.0)])
-def test_the_device_put_together_has_no_seams(tmp_path, angle, azimuth):
-    disk = HollowDisk(cell_size=0.009, refinement=1.0, fillet=0.0, base_fillet=0.0, angle=angle, azimuth=azimuth)
-    points, cells, name = grid_of(disk, tmp_path)
-    slice_ = pictures.Body(points, cells, name, displacement(disk, points, 1.0), np.hypot(points[:, 0], points[:, 1]))
-    body, gap = pictures._assembled(slice_, disk)
-    a, b, c, d = (body.points[body.cells[:, k]] for k in range(4))
-    volumes = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
-    share = 2 / 3 if angle == 120.0 else 3 / 4
-    assert volumes.min() > 0 and volumes.sum() == pytest.approx(share * disk.solid_volume, rel=0.08)
-    assert body.stress == pytest.approx(np.hypot(body.points[:, 0], body.points[:, 1]), abs=1e-12)
-    assert body.displacement == pytest.approx(displacement(disk, body.points, 1.0), abs=1e-12)
-    # Outer faces in planes through the axis are cuts; where two neighbours meet there must be none.
-    corners = body.points[plots.outer_faces(body.cells, name)[:, :3]]
-    around = (np.degrees(np.arctan2(corners[..., 1], corners[..., 0])) - gap) % 360.0
-    around[np.hypot(corners[..., 0], corners[..., 1]) < 1e-9] = np.nan
-    in_plane = np.nanmax(around, axis=1) - np.nanmin(around, axis=1) < 1e-6
-    half = (1 - share) * 180.0
-    assert np.unique(np.nanmean(around[in_plane], axis=1).round(6)) == pytest.approx([half, 360.0 - half])
+    states, _ = loaded(wedge)
+    assert states.rows[states.main]["pressure_cm"] == 100.0
+    assert states.field(states.main, "displacement")[:, 2].max() == pytest.approx(0.6 * RISE)
+    assert [states.rows[k]["pressure_cm"] for k in states.shown()] == [50.0, 100.0]
+    # The pressure turns at 120 cm: the path is measured along its arc there.
+    assert (np.diff(states.along) > 0).all() and states.along[[0, -1]].tolist() == [0.0, 1.0]
+    half = states.between(2.5, "displacement")
+    assert half == pytest.approx((states.field(2, "displacement") + states.field(3, "displacement")) / 2)
 
 
 def test_fine_triangles_keep_area_and_bend():
     # A quarter disk's worth of one curved triangle: the edge 1-2 bulges outwards.
     corner = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.6, 0.6], [0.0, 0.5]])
-    fine, triangles = plots.fine_triangles(corner, np.arange(6)[None], 16)
-    a, b, c = (fine[triangles[:, k]] for k in range(3))
+    fine, small = triangles.fine_triangles(corner, np.arange(6)[None], 16)
+    a, b, c = (fine[small[:, k]] for k in range(3))
     areas = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     assert areas.min() > 0
     # Straight triangle, and two thirds of the bulge's chord times its height.
     assert areas.sum() == pytest.approx(0.5 + 2 / 3 * np.sqrt(2) * 0.1 * np.sqrt(2), rel=2e-3)
-    curves = plots.edge_curves(corner, np.arange(6)[None], 2)
+    curves = triangles.edge_curves(corner, np.arange(6)[None], 2)
     assert any(np.allclose(curve[1], (0.6, 0.6)) for curve in curves)

@@ -1,0 +1,107 @@
+"""The page around a picture: its size and style, its title in words and units, the colours of a field and their bar.
+
+Figures are made without pyplot, so that nothing global is touched and no display is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = npt.NDArray[np.float64]
+Row = Mapping[str, Any]
+
+DPI = 160
+WIDTH = 10.0
+"""Width of every page in inches: 1600 pixels."""
+
+COLOURS = "Spectral_r"
+LINES = "viridis"
+SOLID = "#d9e2ec"
+STYLE: Any = {
+    "font.size": 12,
+    "axes.titlesize": 13,
+    "legend.fontsize": 11,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "lines.linewidth": 2.0,
+}
+INK, EDGE, FAINT = "#102a43", "#334e68", "#829ab1"
+CURVE, WARNING = "#2f6f9f", "#c0392b"
+
+
+def number(value: float) -> str:
+    """A value for a label: at most one decimal, none if it is round."""
+    return f"{value:.1f}".removesuffix(".0")
+
+
+def headline(row: Row, gauge: str) -> str:
+    """What a state is, in words and units."""
+    pressure = f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
+    return f"{pressure}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
+
+
+def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:
+    """A rendered image under its title, with the colour bar below if it shows a field."""
+    head, foot = 0.55 + 0.3 * bool(note), 0.0 if scale is None else 0.95
+    height = image.shape[0] / DPI
+    figure = Figure((WIDTH, head + height + foot), dpi=DPI)
+    whole = head + height + foot
+    axes = figure.add_axes((0.0, foot / whole, 1.0, height / whole))
+    axes.imshow(image)
+    axes.set_axis_off()
+    figure.text(0.5, 1 - 0.28 / whole, title, ha="center", va="center", fontsize=13)
+    figure.text(0.5, 1 - 0.6 / whole, note, ha="center", va="center", fontsize=11, color=WARNING)
+    if scale is not None:
+        scale.bar(figure, figure.add_axes((0.2, 0.62 / whole, 0.6, 0.18 / whole)))
+    return figure
+
+
+class Scale:
+    """The colours of a field, from its least value at rest up to nearly its largest.
+
+    Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore
+    ends where, in the state that has most, a two-hundredth of the nodes lies above it; the bar says so and tells the
+    largest value.
+
+    Args:
+        values: Nodal values of the states that are shown, SI units, shape (n,) or (states, n).
+        field: Name of the field, one of `SHOWN`.
+        where: Words for where the values were taken, such as "outside"; empty for everywhere.
+    """
+
+    def __init__(self, values: Array, field: str = "von_mises_stress", where: str = ""):
+        self.what, self.unit, self.factor, self.low = SHOWN[field]
+        self.field, self.where = field, where
+        self.largest = float(values.max()) * self.factor
+        self.top = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
+        if not self.top > self.low:
+            self.top = max(self.largest, self.low + 1.0)
+        self.colours = matplotlib.colormaps[COLOURS]
+
+    def bar(self, figure: Figure, axes: Axes) -> None:
+        """Draw the bar into axes."""
+        unit = (f" in {self.unit}" if self.unit else "") + (f", {self.where}" if self.where else "")
+        note = f"{CLIPPED:g} % of the nodes lie within the colours; largest at one: {self.largest:.3g} {self.unit}".rstrip()
+        scale = ScalarMappable(Normalize(self.low, self.top), self.colours)
+        extend = "max" if self.largest > self.top else "neither"
+        figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit} ({note})")
+
+
+CLIPPED = 99.5
+"""Percentile of the nodal values at which the colours end."""
+SHOWN = {
+    "von_mises_stress": ("von Mises stress", "kPa", 1e-3, 0.0),
+    "largest_stretch": ("largest stretch", "", 1.0, 1.0),
+}
+"""Fields that have colours: name in words, unit, factor from SI to it, value at rest."""

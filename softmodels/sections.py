@@ -1,0 +1,102 @@
+"""Pictures of an axisymmetric section, flat, in millimetres; they need no rendering."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
+
+from softmodels.pages import COLOURS, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, Row, Scale, headline
+from softmodels.triangles import Cells, edge_curves, fine_triangles, outline
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def section_mesh(points: Array, cells: Cells) -> Figure:
+    """The half section with the edges of its cells; points in m, shape (n, 3) with y = 0."""
+    flat = points[:, ::2] * 1e3
+    figure, axes = _section(flat, 0.0)
+    fine, triangles = fine_triangles(flat, cells)
+    axes.tripcolor(Triangulation(fine[:, 0], fine[:, 1], triangles), np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
+    axes.add_collection(LineCollection(list(edge_curves(flat, cells)), colors=EDGE, linewidths=0.9))
+    axes.set_title(f"Undeformed half section, {len(cells)} cells")
+    return figure
+
+
+def section_stress(points: Array, moved: Array, cells: Cells, values: Array, row: Row, gauge: str) -> Figure:
+    """The deformed half section coloured by stress, over the outline of the undeformed one.
+
+    Args:
+        points: Undeformed, in m, shape (n, 3) with y = 0.
+        moved: Deformed, likewise.
+        cells: Shape (c, 6).
+        values: Von Mises stress in Pa, shape (n,).
+        row: The state's row of ``path.csv``.
+        gauge: The device's `Actuator.gauge`.
+    """
+    before, after, stress = points[:, ::2] * 1e3, moved[:, ::2] * 1e3, Scale(values)
+    figure, axes = _section(np.concatenate([before, after]), 0.95)
+    fine, triangles = fine_triangles(np.column_stack([after, values / 1e3]), cells)
+    flat = Triangulation(fine[:, 0], fine[:, 1], triangles)
+    axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=0.0, vmax=stress.top)
+    for shown, colour in ((after, INK), (before, FAINT)):
+        axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.0))
+    axes.set_title(headline(row, gauge))
+    height = figure.get_figheight()
+    stress.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
+    return figure
+
+
+def section_hot(
+    points: Array, cells: Cells, hot: npt.NDArray[np.bool_], values: Array, title: str, note: str
+) -> Figure:
+    """The deformed half section with its hottest cells coloured by stretch.
+
+    Args:
+        points: Deformed, in m, shape (n, 3) with y = 0.
+        cells: Shape (c, 6).
+        hot: Which cells are hot, shape (c,).
+        values: Largest principal stretch, shape (n,).
+        title: Of the picture.
+        note: Below the title: the peak.
+    """
+    flat, scale = points[:, ::2] * 1e3, Scale(values, "largest_stretch")
+    figure, axes = _section(flat, 1.25)
+    for chosen in (~hot, hot):
+        fine, triangles = fine_triangles(np.column_stack([flat, values]), cells[chosen])
+        mesh = Triangulation(fine[:, 0], fine[:, 1], triangles)
+        if chosen is hot:
+            axes.tripcolor(mesh, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=scale.low, vmax=scale.top)
+        else:
+            axes.tripcolor(mesh, np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
+    axes.add_collection(LineCollection(list(outline(flat, cells)), colors=INK, linewidths=1.0))
+    axes.set_title(title)
+    height = figure.get_figheight()
+    figure.text(0.5, 0.98 / height, note, ha="center", color=WARNING, fontsize=11)
+    scale.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
+    return figure
+
+
+def _section(points: Array, foot: float) -> tuple[Figure, Axes]:
+    """Axes in mm with equal scales around flat points, shape (n, 2), with ``foot`` inches free below them."""
+    (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
+    margin = 0.04 * (right - left)
+    wide, tall = right - left + 2 * margin, high - low + 2 * margin
+    inner = 8.6
+    height = min(inner * tall / wide, 6.4)
+    head, below = 0.55, foot + 0.75
+    whole = head + height + below
+    figure = Figure((WIDTH, whole), dpi=DPI)
+    used = height * wide / tall / WIDTH
+    axes = figure.add_axes(((1.0 - used) / 2 + 0.02, below / whole, used, height / whole))
+    axes.set(xlim=(left - margin, right + margin), ylim=(low - margin, high + margin))
+    axes.set(xlabel="radius in mm", ylabel="height in mm")
+    axes.axvline(0.0, color=FAINT, linestyle=(0, (8, 3, 1, 3)), linewidth=1.0)
+    axes.grid(False)
+    return figure, axes

@@ -1,0 +1,183 @@
+"""The pictures of the solid: undeformed, von Mises stress at some pressures, a cut through the channels, hot spots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from geometries import Actuator
+from softmodels.cutting import best_plane, cut_open
+from softmodels.pages import DPI, EDGE, FAINT, INK, SOLID, WIDTH, Row, Scale, headline, number, page
+from softmodels.rendering import Camera, Image, lines, studio, surface
+from softmodels.skin import QUARTERS
+from softmodels.states import States
+from softmodels.triangles import edge_curves, outer_faces
+from softmodels.views import Look, towards_slice
+
+HOT = 99.0
+"""Percentile of the cells' stretch above which a cell is a hot spot."""
+AIR = "#2f6f9f"
+COLUMNS = {1: 1, 2: 2, 3: 3, 4: 2}
+"""Columns of the sheet for each number of pictures."""
+
+
+def undeformed(look: Look) -> Figure:
+    """The device at rest, translucent, with the walls of its cavities inside (thesis, Fig. 8)."""
+    states = look.states
+    whole = states.skin.device(states.skin.points(states.points))
+    camera = Camera.around([whole], look.direction, look.up)
+    with studio(camera) as shoot:
+        image = shoot(look.translucent(0, 0.35, {"color": AIR}))
+    count = states.skin.cavities
+    what = {0: "", 1: ", its cavity inside"}.get(count, f", its {count} cavities inside")
+    return page(image, f"Undeformed device{what}: {_size(whole)}")
+
+
+def _size(points: Any) -> str:
+    return " x ".join(number(length * 1e3) for length in np.ptp(points, axis=0)) + " mm"
+
+
+def mesh(look: Look) -> Figure:
+    """The undeformed slice with the edges of its cells."""
+    states = look.states
+    skin, points = states.skin, states.skin.points(states.points)
+    faces = outer_faces(states.cells, states.cell_name)
+    curves = edge_curves(states.points, faces, 2)
+    pairs = np.arange(curves.shape[0] * 3).reshape(-1, 3)[:, [[0, 1], [1, 2]]].reshape(-1, 2)
+    camera = Camera.around([points], towards_slice(states), look.up)
+    with studio(camera) as shoot:
+        solid = surface(points, skin.triangles, skin.normals(points))
+        edges = lines(curves.reshape(-1, 3), pairs)
+        image = shoot([(solid, {"color": SOLID, "smooth_shading": True}), (edges, {"color": EDGE, "line_width": 1.5})])
+    return page(image, f"Undeformed {_slice_name(states.actuator)}, {len(states.cells)} cells")
+
+
+def _slice_name(actuator: Actuator) -> str:
+    if actuator.copies == 1:
+        return "device"
+    return f"{360 / actuator.copies:g}° slice" if actuator.axial else {2: "half"}.get(actuator.copies, "slice")
+
+
+def slice_stress(look: Look) -> Figure:
+    """The deformed slice seen on its cut, coloured by stress, with the edges of the undeformed one."""
+    states, step = look.states, look.states.main
+    skin = states.skin
+    scale = Scale(states.field(step, "von_mises_stress"))
+    rest, moved = skin.points(states.points), skin.points(states.moved(step))
+    values = states.field(step, scale.field)[skin.nodes] * scale.factor
+    edges = np.concatenate([skin.edges, skin.rims])
+    style = {"scalars": "values", "cmap": scale.colours, "clim": (scale.low, scale.top), "smooth_shading": True}
+    camera = Camera.around([rest, moved], towards_slice(states), look.up)
+    with studio(camera) as shoot:
+        image = shoot(
+            [
+                (surface(moved, skin.triangles, skin.normals(moved), values), style),
+                (lines(moved, edges), {"color": INK, "line_width": 2.0}),
+                (lines(rest, edges), {"color": FAINT, "line_width": 1.5}),
+            ]
+        )
+    return page(image, headline(states.rows[step], states.actuator.gauge), scale)
+
+
+def stress(look: Look) -> tuple[list[tuple[int, Image]], Camera, Scale]:
+    """Von Mises stress on the deformed device at the shown states, seen by one camera in one colour scale.
+
+    Returns:
+        Steps and images; the camera and the scale of them all.
+    """
+    states = look.states
+    steps = states.shown()
+    scale = look.scale(steps)
+    camera = look.camera([0, *steps])
+    with studio(camera) as shoot:
+        return [(step, shoot(look.coloured(step, scale))) for step in steps], camera, scale
+
+
+def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], scale: Scale) -> Figure:
+    """The images of `stress` side by side over one colour bar."""
+    columns = COLUMNS[len(images)]
+    rows_ = -(-len(images) // columns)
+    wide = WIDTH / columns
+    tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
+    head, foot = 0.4, 0.95
+    whole = rows_ * (tall + head) + foot
+    figure = Figure((WIDTH, whole), dpi=DPI)
+    for k, (step, image) in enumerate(images):
+        left, top = k % columns * wide, whole - k // columns * (tall + head)
+        axes = figure.add_axes((left / WIDTH, (top - head - tall) / whole, wide / WIDTH, tall / whole))
+        axes.imshow(image, interpolation="antialiased")
+        axes.set_axis_off()
+        pressure = f"{number(rows[step]['pressure_cm'])} cm of water ({rows[step]['pressure_Pa'] / 1e3:.3g} kPa)"
+        figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, pressure, ha="center", va="center")
+    scale.bar(figure, figure.add_axes((0.2, 0.62 / whole, 0.6, 0.18 / whole)))
+    return figure
+
+
+def cut(look: Look) -> Figure:
+    """The device cut open through its channels, with the von Mises stress on the cut."""
+    states, step = look.states, look.states.main
+    scale = Scale(states.field(step, "von_mises_stress"))
+    if look.opened:
+        layers, direction, where = look.coloured(step, scale), look.direction, ""
+    else:
+        plane = best_plane(states.skin, states.points, look.up, states.actuator.axial)
+        towards = plane[0] if plane[0] @ look.direction > 0 else -plane[0]
+        direction = 0.8 * towards + 0.6 * look.direction
+        layers = cut_open(states, step, plane, towards, scale)
+        axis = int(np.argmax(np.abs(plane[0])))
+        where = f"; cut at {'xyz'[axis]} = {number(plane[1][axis] * 1e3)} mm"
+    clouds = [np.asarray(data.points) for data, _ in layers]
+    camera = Camera.around(clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0])
+    with studio(camera) as shoot:
+        image = shoot(layers)
+    return page(image, headline(states.rows[step], states.actuator.gauge) + where, scale)
+
+
+def hot_spots(look: Look) -> Figure:
+    """The cells that are stretched most, inside the translucent deformed device, and where the peak is."""
+    states, step = look.states, look.states.main
+    skin = states.skin
+    stretch, limit, hot = hottest(states, step)
+    scale = Scale(stretch, "largest_stretch")
+    layers = look.translucent(step, 0.22, {"color": SOLID, "opacity": 0.25, "culling": "back"})
+    faces = outer_faces(states.cells[hot], states.cell_name)[:, QUARTERS].reshape(-1, 3)
+    used, triangles = np.unique(faces, return_inverse=True)
+    moved = states.moved(step)[used]
+    for image in skin.images:
+        data = surface(moved @ image.T, triangles.reshape(-1, 3), values=stretch[used])
+        style = {"scalars": "values", "cmap": scale.colours, "clim": (scale.low, scale.top)}
+        layers.insert(0, (data, {**style, "ambient": 0.8}))
+    whole = [skin.device(skin.points(states.moved(step)))]
+    with studio(Camera.around(whole, look.direction, look.up)) as shoot:
+        image = shoot(layers)
+    return page(image, hot_title(states, limit), scale, peak_text(states, step))
+
+
+def hottest(states: States, step: int) -> tuple[Any, float, Any]:
+    """Nodal largest stretch (n,), the value that a hundredth of the cells' means exceeds, and which cells do (c,)."""
+    stretch = states.field(step, "largest_stretch")
+    mean = stretch[states.cells].mean(axis=1)
+    limit = float(np.percentile(mean, HOT))
+    return stretch, limit, mean >= limit
+
+
+def hot_title(states: States, limit: float) -> str:
+    """What is shown as hot, in words."""
+    many = 100 - HOT
+    return f"The {many:g} % of the {len(states.cells)} cells that are stretched most: by more than {limit:.3g}"
+
+
+def peak_text(states: States, step: int) -> str:
+    """Value and place of the largest stretch of a state, from ``path.csv``."""
+    row = states.rows[step]
+    pressure = f"at {number(row['pressure_cm'])} cm"
+    if "max_stretch" not in row:
+        return f"largest stretch at a node {states.field(step, 'largest_stretch').max():.4g} {pressure}"
+    text = f"largest stretch {row['max_stretch']:.4g} {pressure}"
+    if "max_stretch_x_mm" not in row:
+        return text
+    place = ", ".join(f"{axis} = {row[f'max_stretch_{axis}_mm']:.2f}" for axis in "xyz")
+    return f"{text}; of the undeformed device at {place} mm"

@@ -1,0 +1,226 @@
+// The device in 3-D, over all steps: drag turns, wheel zooms, shift and drag moves. WebGL 2, no library, no network.
+"use strict";
+(async function () {
+  const meta = JSON.parse(document.getElementById("viewer-meta").textContent);
+  const box = document.getElementById("viewer");
+  const find = (id) => document.getElementById("viewer-" + id);
+  const canvas = find("canvas");
+  const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+  const sorry = (text) => { find("note").textContent = text; box.classList.add("off"); };
+  if (!gl) return sorry("This browser shows no WebGL 2, so the 3-D view is left out; the pictures below need none.");
+  if (!window.DecompressionStream) return sorry("This browser is too old for the 3-D view (before 2023).");
+
+  // -- data: 16-bit numbers, differences from step to step, low bytes before high bytes, gzip, base64 ---------------
+  const packed = Uint8Array.from(atob(find("data").textContent.trim()), (c) => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+  let at = 0;
+  function column(count) {
+    const found = new Uint16Array(count);
+    for (let i = 0; i < count; i++) found[i] = bytes[at + i] | (bytes[at + count + i] << 8);
+    at += 2 * count;
+    return found;
+  }
+  const n = meta.vertices, low = column(3 * meta.triangles), high = column(3 * meta.triangles);
+  const triangles = new Uint32Array(low.length);
+  for (let i = 0; i < low.length; i++) triangles[i] = low[i] | (high[i] << 16);
+  const places = [], fields = [];
+  for (let s = 0; s < meta.steps.length; s++) {
+    const place = column(3 * n), values = meta.fields.map(() => column(n));
+    if (s) {
+      for (let i = 0; i < 3 * n; i++) place[i] += places[s - 1][i];
+      values.forEach((value, f) => { for (let i = 0; i < n; i++) value[i] += fields[s - 1][f][i]; });
+    }
+    places.push(place);
+    fields.push(values);
+  }
+  const metres = (place) => Float32Array.from(place, (v, i) => meta.low[i % 3] + (meta.span * v) / 65535);
+  const rest = metres(places[0]);
+  const onPlane = meta.planes.map((p) => {
+    const here = [];
+    for (let i = 0; i < n; i++) {
+      const d = p[0] * rest[3 * i] + p[1] * rest[3 * i + 1] + p[2] * rest[3 * i + 2];
+      if (Math.abs(d) < (3 * meta.span) / 65535) here.push(i);
+    }
+    return here;
+  });
+  function normals(p) {
+    const found = new Float32Array(3 * n);
+    for (let t = 0; t < triangles.length; t += 3) {
+      const a = 3 * triangles[t], b = 3 * triangles[t + 1], c = 3 * triangles[t + 2];
+      const ux = p[b] - p[a], uy = p[b + 1] - p[a + 1], uz = p[b + 2] - p[a + 2];
+      const vx = p[c] - p[a], vy = p[c + 1] - p[a + 1], vz = p[c + 2] - p[a + 2];
+      const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
+      for (const k of [a, b, c]) { found[k] += x; found[k + 1] += y; found[k + 2] += z; }
+    }
+    meta.planes.forEach((q, k) => {  // smooth over the planes where the next image of the slice goes on
+      for (const i of onPlane[k]) {
+        const d = q[0] * found[3 * i] + q[1] * found[3 * i + 1] + q[2] * found[3 * i + 2];
+        for (let j = 0; j < 3; j++) found[3 * i + j] -= d * q[j];
+      }
+    });
+    return found;
+  }
+
+  // -- drawing ------------------------------------------------------------------------------------------------------
+  const vertexText = `#version 300 es
+    in vec3 rest, place, normal; in float value;
+    uniform mat3 image; uniform mat4 view;
+    out vec3 material, outward; out float v;
+    void main() {
+      material = image * rest; outward = image * normal; v = value;
+      gl_Position = view * vec4(image * place, 1.0);
+    }`;
+  const fragmentText = `#version 300 es
+    precision highp float;
+    in vec3 material, outward; in float v;
+    uniform vec4 clip; uniform float gain, alpha; uniform vec3 towards, above, plain; uniform bool flipped, coloured;
+    uniform sampler2D colours;
+    out vec4 colour;
+    void main() {
+      if (dot(material, clip.xyz) > clip.w) discard;
+      bool front = gl_FrontFacing != flipped;
+      if (!front && alpha == 1.0) { colour = vec4(0.62, 0.66, 0.71, 1.0); return; }  // seen from within: the cut silicone
+      vec3 N = normalize(outward) * (front ? 1.0 : -1.0);
+      float light = 0.55 + 0.3 * max(dot(N, towards), 0.0) + 0.22 * max(dot(N, above), 0.0);
+      vec3 paint = coloured ? texture(colours, vec2(clamp(v * gain, 0.002, 0.998), 0.5)).rgb : plain;
+      colour = vec4(min(paint * light, 1.0) * alpha, alpha);
+    }`;
+  function shader(kind, text) {
+    const made = gl.createShader(kind);
+    gl.shaderSource(made, text); gl.compileShader(made);
+    if (!gl.getShaderParameter(made, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(made));
+    return made;
+  }
+  const program = gl.createProgram();
+  gl.attachShader(program, shader(gl.VERTEX_SHADER, vertexText));
+  gl.attachShader(program, shader(gl.FRAGMENT_SHADER, fragmentText));
+  gl.linkProgram(program); gl.useProgram(program);
+  const uniform = (name) => gl.getUniformLocation(program, name);
+  const buffers = {};
+  for (const [name, size] of [["rest", 3], ["place", 3], ["normal", 3], ["value", 1]]) {
+    buffers[name] = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name]);
+    const where = gl.getAttribLocation(program, name);
+    gl.enableVertexAttribArray(where);
+    if (size === 1) gl.vertexAttribPointer(where, 1, gl.UNSIGNED_SHORT, true, 0, 0);
+    else gl.vertexAttribPointer(where, 3, gl.FLOAT, false, 0, 0);
+  }
+  const fill = (name, data) => { gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name]); gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW); };
+  fill("rest", rest);
+  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+  gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+  gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, meta.colours.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE,
+    new Uint8Array(meta.colours.flatMap((c) => [...c, 255])));
+  for (const kind of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, kind, gl.LINEAR);
+  for (const kind of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, kind, gl.CLAMP_TO_EDGE);
+
+  const add = (a, b, s = 1) => a.map((v, i) => v + s * b[i]);
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const unit = (a) => a.map((v) => v / Math.sqrt(dot(a, a)));
+  const turned = (a, axis, angle) => {  // Rodrigues
+    const c = Math.cos(angle), s = Math.sin(angle);
+    return add(add(a.map((v) => c * v), cross(axis, a), s), axis, dot(axis, a) * (1 - c));
+  };
+  const start = { towards: unit(meta.direction), up: meta.up, focus: meta.focus, scale: meta.scale };
+  let eye = { ...start }, shown = null;
+  const state = () => ({ step: +find("step").value, field: +find("field").value, through: find("through").checked,
+    axis: +find("axis").value, cut: +find("cut").value });
+
+  function draw() {
+    const now = state();
+    if (!shown || shown.step !== now.step) {
+      const place = metres(places[now.step]);
+      fill("place", place); fill("normal", normals(place));
+    }
+    if (!shown || shown.step !== now.step || shown.field !== now.field) fill("value", fields[now.step][now.field]);
+    shown = now;
+    const field = meta.fields[now.field], inside = now.axis >= 0 || now.through;
+    const top = inside ? field.top : field.outside;
+    find("label").textContent = meta.steps[now.step].label;
+    find("low").textContent = field.low; find("top").textContent = "≥ " + top.toPrecision(3) + " " + field.unit;
+    find("what").textContent = field.what;
+    find("cut").disabled = now.axis < 0;
+
+    const ratio = Math.min(window.devicePixelRatio || 1, 2), wide = canvas.clientWidth, tall = canvas.clientHeight;
+    if (canvas.width !== Math.round(wide * ratio)) { canvas.width = Math.round(wide * ratio); canvas.height = Math.round(tall * ratio); }
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearColor(1, 1, 1, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); gl.enable(gl.DEPTH_TEST);
+    const right = unit(cross(eye.up, eye.towards)), above = cross(eye.towards, right);
+    const y = 1 / eye.scale, x = (y * tall) / wide, z = 1 / (6 * meta.scale * Math.max(1, wide / tall));
+    const row = (axis, s) => [...axis.map((v) => s * v), -s * dot(axis, eye.focus)];
+    const [a, b, c] = [row(right, x), row(above, y), row(eye.towards, -z)];
+    gl.uniformMatrix4fv(uniform("view"), false, [0, 1, 2, 3].flatMap((i) => [a[i], b[i], c[i], i === 3 ? 1 : 0]));
+    gl.uniform3fv(uniform("towards"), eye.towards);
+    gl.uniform3fv(uniform("above"), unit(add(add(above, right, -0.4), eye.towards, 0.3)));
+    const clip = [0, 0, 0, 1];
+    if (now.axis >= 0) {
+      const side = eye.towards[now.axis] >= 0 ? 1 : -1;  // what is before the cut is taken away
+      clip[now.axis] = side;
+      clip[3] = side * (meta.box[0][now.axis] + now.cut * (meta.box[1][now.axis] - meta.box[0][now.axis]));
+    }
+    gl.uniform4fv(uniform("clip"), clip);
+    gl.uniform1f(uniform("gain"), (field.top - field.low) / (top - field.low));
+    const pass = (first, count, alpha, coloured) => {
+      gl.uniform1f(uniform("alpha"), alpha); gl.uniform1i(uniform("coloured"), coloured ? 1 : 0);
+      gl.uniform3fv(uniform("plain"), [0.62, 0.72, 0.82]);
+      for (const image of meta.images) {
+        gl.uniformMatrix3fv(uniform("image"), true, image);
+        const [p, q, r] = [image.slice(0, 3), image.slice(3, 6), image.slice(6, 9)];
+        gl.uniform1i(uniform("flipped"), dot(p, cross(q, r)) < 0 ? 1 : 0);
+        gl.drawElements(gl.TRIANGLES, 3 * count, gl.UNSIGNED_INT, 12 * first);
+      }
+    };
+    gl.disable(gl.BLEND); gl.depthMask(true);
+    if (now.through) {
+      pass(meta.outside, meta.triangles - meta.outside, 0.999, true);
+      gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA); gl.depthMask(false);
+      pass(0, meta.outside, 0.16, false);
+      gl.depthMask(true);
+    } else pass(0, meta.triangles, 1, true);
+  }
+  let waiting = false;
+  const redraw = () => { if (!waiting) { waiting = true; requestAnimationFrame(() => { waiting = false; draw(); }); } };
+
+  // -- hands --------------------------------------------------------------------------------------------------------
+  const fingers = new Map();
+  canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, [e.clientX, e.clientY]); });
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => fingers.delete(e.pointerId));
+  canvas.addEventListener("pointermove", (e) => {
+    const before = fingers.get(e.pointerId);
+    if (!before) return;
+    const now = [e.clientX, e.clientY], dx = now[0] - before[0], dy = now[1] - before[1];
+    const right = unit(cross(eye.up, eye.towards));
+    if (fingers.size === 2) {  // pinch
+      const other = [...fingers].find(([id]) => id !== e.pointerId)[1];
+      const gap = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]) || 1;
+      eye.scale *= gap(before) / gap(now);
+    } else if (e.shiftKey || e.buttons === 2 || e.buttons === 4) {
+      const s = (2 * eye.scale) / canvas.clientHeight;
+      eye.focus = add(add(eye.focus, right, -dx * s), cross(eye.towards, right), dy * s);
+    } else {
+      let towards = turned(eye.towards, eye.up, -dx * 0.008);
+      const tilted = turned(towards, unit(cross(eye.up, towards)), -dy * 0.008);
+      if (Math.abs(dot(tilted, eye.up)) < 0.995) towards = tilted;
+      eye.towards = unit(towards);
+    }
+    fingers.set(e.pointerId, now);
+    redraw();
+  });
+  canvas.addEventListener("contextmenu", (e) => e.preventDefault());
+  canvas.addEventListener("wheel", (e) => { e.preventDefault(); eye.scale *= Math.exp(e.deltaY * 0.001); redraw(); }, { passive: false });
+  for (const id of ["step", "field", "through", "axis", "cut"]) find(id).addEventListener("input", redraw);
+  find("reset").addEventListener("click", () => { eye = { ...start }; redraw(); });
+  let timer = 0;
+  find("play").addEventListener("click", () => {
+    const slider = find("step");
+    if (timer) { clearInterval(timer); timer = 0; find("play").textContent = "▶ play"; return; }
+    find("play").textContent = "❚❚ stop";
+    timer = setInterval(() => { slider.value = (+slider.value + 1) % meta.steps.length; redraw(); }, Math.max(80, 3500 / meta.steps.length));
+  });
+  window.addEventListener("resize", redraw);
+  draw();
+  box.dataset.drawn = "yes";
+})().catch((error) => { document.getElementById("viewer-note").textContent = "The 3-D view failed: " + error.message; });

@@ -1,0 +1,149 @@
+"""The report and the film: complete, small, of one file, and with the numbers of path.csv."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import gzip
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from softmodels.film import LARGEST
+from softmodels.states import States
+from softmodels.viewer import packed
+from softmodels.views import look
+
+VOID = {"meta", "link", "img", "input", "br", "hr"}
+
+
+class Page(HTMLParser):
+    """What a report consists of; fails on tags that do not nest."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.sources, self.rows, self.cell, self.texts = [], [], [], None, {}
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        self.sources += [given[key] for key in ("src", "href", "xlink:href", "srcset", "data") if key in given]
+        if tag not in VOID:
+            self.open.append((tag, given))
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append(["", given.get("title")])
+
+    def handle_startendtag(self, tag, attributes):
+        self.sources += [value for key, value in attributes if key in ("src", "href", "xlink:href")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop()[0] == tag
+
+    def handle_data(self, data):
+        if any(tag in ("td", "th") for tag, _ in self.open):
+            self.rows[-1][-1][0] += data
+        if self.open and self.open[-1][0] == "script":
+            self.texts[self.open[-1][1].get("id")] = data
+
+
+@pytest.fixture(scope="module", params=["wedge", "half_slab"])
+def report(request, drawn):
+    folder, _ = drawn(request.param)
+    text = (folder / "report.html").read_text()
+    return folder, text, Page(text)
+
+
+def test_nothing_is_fetched(report):
+    _, text, page = report
+    assert page.sources and all(source.startswith(("data:", "#")) for source in page.sources)
+    assert not re.search(r"@import|url\(\s*['\"]?http|importScripts|fetch\(|XMLHttpRequest", text)
+
+
+def test_it_is_small(report):
+    folder, text, _ = report
+    assert len(text.encode()) < 6e6
+    assert (folder / "film.gif").stat().st_size < LARGEST
+
+
+def test_its_table_has_the_numbers_of_the_path(report):
+    folder, _, page = report
+    with (folder / "path.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["requested"] == "1"]
+    found = [row for row in page.rows if row[0][0] == "pressure (Pa)"]
+    assert len(found) == 2  # requested values, and all steps
+    # The first table of the two: "All steps" comes later and has a column for each.
+    table = {row[0][0]: row[1:] for row in page.rows if len(row) == 1 + len(rows) and row[1][1] is not None}
+    # A column that nobody knows of yet is there like the others.
+    names = {"pressure (cm)": "pressure_cm", "added volume (ml)": "added_volume_ml", "of tomorrow (N)": "of_tomorrow_N"}
+    for words, column in names.items():
+        assert [exact for _, exact in table[words]] == [row[column] for row in rows]
+        assert [float(shown) for shown, _ in table[words]] == pytest.approx([float(r[column]) for r in rows], rel=5e-6)
+
+
+def test_parameters_are_told_with_their_units(report):
+    folder, _, page = report
+    told = {row[0][0]: row[1][0] for row in page.rows if len(row) == 3}
+    lengths = ("cavity radius", "10 mm") if "slab" not in folder.name else ("thickness", "8 mm")
+    assert told[lengths[0]] == lengths[1] and told["shear modulus"] == "30 kPa"
+
+
+def test_the_film_runs_over_the_path(report):
+    folder, _, _ = report
+    with Image.open(folder / "film.gif") as film:
+        assert film.width == 480 and 10 <= film.n_frames <= 60
+        first = np.asarray(film.convert("L"), dtype=float)
+        film.seek(film.n_frames - 1)
+        last = np.asarray(film.convert("L"), dtype=float)
+    assert np.abs(first - last).mean() > 1.0
+
+
+def test_the_view_holds_the_steps(report):
+    """Unpacked as the page's own program does it, against the results."""
+    folder, _, page = report
+    meta = json.loads(page.texts["viewer-meta"])
+    data = np.frombuffer(gzip.decompress(base64.b64decode(page.texts["viewer-data"])), dtype=np.uint8)
+    n, at = meta["vertices"], 0
+
+    def column(count):
+        nonlocal at
+        low, high = data[at : at + 2 * count].reshape(2, count).astype(np.uint16)
+        at += 2 * count
+        return low | high << 8
+
+    triangles = column(3 * meta["triangles"]).astype(int) + (column(3 * meta["triangles"]).astype(int) << 16)
+    assert triangles.max() == n - 1
+    place, stress = np.zeros(3 * n, dtype=np.uint16), np.zeros(n, dtype=np.uint16)
+    for _ in meta["steps"]:
+        place, stress = place + column(3 * n), stress + column(n)
+        column(n)
+    assert at == len(data)
+    states = States(folder, "slab" if "slab" in folder.name else "disk")
+    last = len(states.rows) - 1
+    shown = np.array(meta["low"]) + meta["span"] * place.reshape(-1, 3) / 65535
+    skin = states.skin
+    moved = skin.points(states.moved(last))
+    corners = moved[skin.triangles[skin.part != -1]]
+    assert shown.max(axis=0) == pytest.approx(corners.max(axis=(0, 1)), abs=1e-5 * meta["span"])
+    assert np.sort(shown[triangles, 2]) == pytest.approx(np.sort(corners[..., 2].ravel()), abs=1e-5 * meta["span"])
+    top = states.field(last, "von_mises_stress")[skin.nodes[skin.triangles[skin.part != -1]]].max() / 1e3
+    field = meta["fields"][0]
+    assert field["top"] * stress.max() / 65535 == pytest.approx(min(top, field["top"]), rel=1e-4)
+
+
+def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):
+    monkeypatch.setattr("softmodels.viewer.VALUES", 1)
+    states = States(wedge, "disk")
+    from softmodels.viewer import view
+
+    text = view(look(states))
+    kept = [step["step"] for step in json.loads(Page(text).texts["viewer-meta"])["steps"]]
+    assert kept == [0, 2, 3, 5]  # the requested ones, first and last
+    assert "2 of 6 steps are left out" in text
+    assert packed(look(states), [0, 5])[0]["steps"][1]["label"].startswith("110 cm")

@@ -1,0 +1,78 @@
+"""The surface that pictures are made of, against the devices' closed-form volumes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk, SeminarActuator
+from softmodels.cutting import best_plane
+from softmodels.skin import CUT, OUTSIDE, skin_of
+
+SHARP_DISK = {"cell_size": 0.004, "refinement": 1.0}
+SLAB = {"channels": 2, "spread": 40.0, "around": 8.0, "cell_size": 0.008}
+DEVICES = {
+    "wedge": HollowDisk(**SHARP_DISK),
+    "turned": HollowDisk(**SHARP_DISK, angle=90.0, azimuth=20.0),
+    "odd": HollowDisk(**SHARP_DISK, angle=120.0, azimuth=30.0),
+    "half disk": HollowDisk(**SHARP_DISK, angle=180.0),
+    "section": HollowDisk(**SHARP_DISK, section="axisymmetric"),
+    "half slab": SeminarActuator(**SLAB),
+    "full slab": SeminarActuator(**SLAB, part="full"),
+}
+
+
+@pytest.fixture(scope="module", params=list(DEVICES))
+def surface(request, drawings, tmp_path_factory):
+    device = DEVICES[request.param]
+    points, cells, kind = drawings.grid_of(device, tmp_path_factory.mktemp("skin"))
+    return device, points, skin_of(points, cells, kind, device)
+
+
+def volume(corners):
+    """Enclosed by triangles that point outwards, shape (t, 3, 3)."""
+    return np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+
+
+def test_the_images_close_around_the_solid_and_its_cavity(surface):
+    device, points, skin = surface
+    whole = skin.device(skin.points(points))
+    solid = volume(whole[skin.device_triangles(skin.part != CUT)])
+    cavity = -volume(whole[skin.device_triangles(skin.part > OUTSIDE)])
+    assert skin.cavities == 1
+    # Flat triangles on round walls lack a little: two to an edge, 8 edges around a channel.
+    assert solid == pytest.approx(device.solid_volume, rel=0.01)
+    assert cavity == pytest.approx(device.cavity_volume, rel=0.06)
+
+
+def test_the_slice_is_closed_by_its_cuts(surface):
+    device, points, skin = surface
+    corners = skin.points(points)[skin.triangles]
+    assert len(skin.images) * volume(corners) == pytest.approx(device.solid_volume, rel=0.01)
+    # Closed: each place's edges come once in either direction.
+    rounded = np.round(skin.points(points) / device.size * 1e6).astype(int)
+    names = np.unique(rounded, axis=0, return_inverse=True)[1].reshape(-1)[skin.triangles]
+    edges = np.concatenate([names[:, [0, 1]], names[:, [1, 2]], names[:, [2, 0]]])
+    there = {tuple(edge) for edge in edges.tolist()}
+    assert all((b, a) in there for a, b in there)
+
+
+def test_normals_point_out_and_are_smooth_over_the_cuts(surface):
+    _, points, skin = surface
+    places = skin.points(points)
+    normals = skin.normals(places)
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0)
+    for normal, here in zip(skin.planes, skin.on_plane, strict=True):
+        assert here.any() and np.abs(normals[here] @ normal).max() < 1e-9
+    a, b, c = (places[skin.triangles[:, k]] for k in range(3))
+    faces = np.cross(b - a, c - a)
+    assert ((faces * normals[skin.triangles[:, 0]]).sum(axis=1) > 0).mean() > 0.99
+
+
+def test_the_cut_of_a_slab_runs_through_its_channels(surface):
+    device, points, skin = surface
+    normal, place = best_plane(skin, points, np.array([0.0, 0.0, 1.0]), device.axial)
+    if device.axial:
+        assert normal[2] == 0.0
+    else:
+        assert normal.tolist() == [0.0, 0.0, 1.0] and place[2] == pytest.approx(device.offset, abs=1e-4)
