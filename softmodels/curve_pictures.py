@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from softmodels.fit_pictures import BOTH, NAMES, as_png, line
-from softmodels.plots import DPI, INK, STYLE, WARNING, WIDTH
+from softmodels.pages import DPI, INK, STYLE, WARNING, WIDTH
 from softmodels.specimens import MODE_NAMES
 from softmodels.tensile import TensileCurve
 

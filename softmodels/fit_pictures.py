@@ -21,7 +21,7 @@ from softmodels.fit_report import (
     residual_rows,
     shown,
 )
-from softmodels.plots import DPI, FAINT, INK, STYLE, WARNING, WIDTH
+from softmodels.pages import DPI, FAINT, INK, STYLE, WARNING, WIDTH
 from softmodels.specimens import respond
 
 if TYPE_CHECKING:

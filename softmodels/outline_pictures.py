@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from softmodels.outline_fit import Fitting
-from softmodels.plots import DPI, FAINT, INK, WIDTH
+from softmodels.pages import DPI, FAINT, INK, WIDTH
 from softmodels.simulated_outlines import half_outline
 
 SHOWN = 400
