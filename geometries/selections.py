@@ -2,7 +2,6 @@
 
 "x = 0 mm"                          all faces that lie in this plane (x, y or z)
 "in -1..31, -5..5, 0..2 mm"         all faces that lie in this box (ranges along x, y and z)
-"named clamp"                       all faces with this name in the file
 "at 10, 0, 4 mm"                    a point
 """
 
@@ -28,14 +27,12 @@ class Faces:
         axis: 0, 1 or 2 for a plane square to x, y or z, else None.
         at: The plane's place along the axis in m.
         box: Lowest and highest corner in m, or None.
-        name: The faces' name in the file, or None.
     """
 
     text: str
     axis: int | None = None
     at: float = 0.0
     box: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    name: str | None = None
 
 
 def faces(field: str, text: str) -> Faces:
@@ -53,9 +50,7 @@ def faces(field: str, text: str) -> Faces:
         if any(low > high for low, high in zip(values[::2], values[1::2], strict=True)):
             raise GeometryError(f"{field} is {text!r}; each range runs from its lower end to its higher one")
         return Faces(text, box=(tuple(values[::2]), tuple(values[1::2])))
-    if found := re.fullmatch(r"\s*named\s+(.+?)\s*", text):
-        return Faces(text, name=found[1])
-    raise GeometryError(f"{field} is {text!r}; write 'x = 0 mm', 'in -1..31, -5..5, 0..2 mm' or 'named NAME'")
+    raise GeometryError(f"{field} is {text!r}; write 'x = 0 mm' or 'in -1..31, -5..5, 0..2 mm'")
 
 
 def point(field: str, text: str) -> tuple[float, float, float]:
@@ -86,10 +81,6 @@ def chosen(choice: Faces, tags: list[int], near: float) -> list[int]:
 
     found = []
     for tag in tags:
-        if choice.name is not None:
-            if gmsh.model.getEntityName(2, tag).split("/")[-1] == choice.name:
-                found.append(tag)
-            continue
         low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3)
         if choice.axis is not None:
             inside = abs(low[choice.axis] - choice.at) < near and abs(high[choice.axis] - choice.at) < near

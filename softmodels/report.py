@@ -119,7 +119,9 @@ def _words(column: str) -> str:
     """A column's name with its unit in brackets: ``apex_mm`` is "apex (mm)"."""
     stem, _, unit = column.rpartition("_")
     units = {"cm", "mm", "ml", "Pa", "kPa", "mJ", "N", "deg"}
-    if column.endswith("_per_m"):
+    if column.endswith("_N_per_m"):
+        stem, unit = column.removesuffix("_N_per_m"), "N/m"
+    elif column.endswith("_per_m"):
         stem, unit = column.removesuffix("_per_m"), "1/m"
     elif unit not in units:
         return column.replace("_", " ")
