@@ -45,6 +45,8 @@ class Bordered:
         self._direct.setOperators(K, K)
         self._direct.setType("cholesky")
         self._direct.setFactorSolverType("mumps")
+        self._direct.setFactorSetUpSolverType()
+        self._direct.getFactorMatrix().setMumpsIcntl(13, 1)  # the last front too counts its negative pivots, on all ranks
         self._direct.setFromOptions()
         size = (self.n + self.extra, PETSc.DETERMINE)
         self.mat = PETSc.Mat().createPython((size, size), context=self, comm=K.comm)
@@ -72,6 +74,14 @@ class Bordered:
         self._direct.setReusePreconditioner(True)
         self.factorisations += 1
         self.refresh()
+
+    def solve(self, b: Any, x: Any) -> None:
+        """x = K^-1 b with the factorisation at hand."""
+        self._direct.apply(b, x)
+
+    def negatives(self) -> int:
+        """Negative eigenvalues of K as it was factorised: the number of negative pivots (Sylvester's law of inertia)."""
+        return int(self._direct.getFactorMatrix().getMumpsInfog(12))
 
     def refresh(self) -> None:
         """Take up a new q: z = K^-1 q with the factorisation at hand, and the compliance dV/dP = q . z."""

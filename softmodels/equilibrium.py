@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from softmodels.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.bordered import Bordered
-from softmodels.controls import Control
+from softmodels.controls import Control, pressure_control
 from softmodels.materials import Material, MaterialError
 from softmodels.parallel import largest, total
 from softmodels.strain import Strain
@@ -379,6 +379,27 @@ class Equilibrium:
         direction.scatter_forward()
         self._y.array_w[:] = body
         return Tangent(direction.array.copy(), dP, system.q.dot(self._y))
+
+    def response(self, state: State, force: npt.NDArray[np.float64], tolerance: float) -> npt.NDArray[np.float64]:
+        """K^-1 ``force`` at a state and a given pressure (local owned arrays), to a relative tolerance.
+
+        Raises:
+            NoConvergence: The linear solver did not get there.
+        """
+        self.load(state)
+        system, ksp = self.system, self.snes.getKSP()
+        system.q.array_w[:] = self._assemble(self._load)
+        system.control = pressure_control(state.P)
+        system.refresh()
+        system.join(self._f, force, 0.0)
+        system.mat.assemble()
+        ksp.setOperators(system.mat)
+        ksp.setTolerances(rtol=tolerance)
+        ksp.solve(self._f, self._x)
+        self.age += ksp.getIterationNumber()
+        if ksp.getConvergedReason() <= 0:
+            raise NoConvergence("the linear solver failed on the response to a force")
+        return system.split(self._x)[0].copy()
 
     def rest(self) -> State:
         """The undeformed state at no pressure."""

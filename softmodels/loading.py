@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from softmodels.controls import Control, arc_length, pressure_control, volume_control
+from softmodels.critical_points import events
 from softmodels.equilibrium import TANGENT_TOLERANCE, Equilibrium, NoConvergence, State, Tangent
+from softmodels.stability import Signature, Stability
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
 QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
@@ -40,6 +42,8 @@ class Point:
         factorised: Whether the tangent matrix was factorised at this state (a restart has to do the same).
         age: How far the kept factorisation has aged here, in iterations of the linear solver.
         stiffest: Least |dV/dP| on the path so far.
+        signature: Number of falling directions and lowest eigenvalue.
+        mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1; else None.
     """
 
     state: State
@@ -51,6 +55,21 @@ class Point:
     factorised: bool
     age: int
     stiffest: float
+    signature: Signature = Signature()
+    mode: Any = None
+
+    @property
+    def bifurcation(self) -> bool:
+        return self.mode is not None
+
+    @property
+    def stable_under_pressure(self) -> bool:
+        return self.signature.excess == 0
+
+    @property
+    def stable_under_volume(self) -> bool:
+        """Whether no direction that keeps the cavity's volume lowers the energy."""
+        return self.signature.excess == int(self.tangent.compliance < 0)
 
 
 class PathEnd(Exception):
@@ -83,6 +102,7 @@ class Path:
         self.points: list[Point] = []
         self.line = {"auto": self.quantity}.get(self.control, self.control)
         self.report: Callable[[str], None] = lambda text: None
+        self.stability = Stability.of(self.equilibrium)
 
     # -- scales, from the undeformed device ---------------------------------------------------------------------------
 
@@ -95,8 +115,10 @@ class Path:
         tangent = eq.tangent(rest, Control(1 / self.V0, 1.0, 0.0))
         self.P_scale = self.V0 / tangent.compliance
         self.first_steps = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0, "arc-length": 0.1}
-        step = self.first_steps[self.line]
-        return self.keep(Point(rest, tangent, False, False, step, self.line, True, eq.age, abs(tangent.compliance)))
+        step, stiffest = self.first_steps[self.line], abs(tangent.compliance)
+        self.stability.start()
+        signature = self.stability.signature(exact=True)
+        return self.keep(Point(rest, tangent, False, False, step, self.line, True, eq.age, stiffest, signature))
 
     def resume(self, points: Sequence[Point]) -> None:
         """Go on from the last points of an earlier trace: same predictor, same factorisation, same numbers."""
@@ -152,12 +174,15 @@ class Path:
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
         eq = self.equilibrium
         stale = eq.stale
+        # At a limit point K is singular: no preconditioner to go on with, and a signature of rounding errors.
+        stale = (stale or self.stability.wants(state)) and not (limit and eq.system.factorisations)
         if stale:
             eq.factorise(state)
         tangent = self.tangent(state)
         step = self.last.step if step is None else step
         stiffest = min(self.last.stiffest, abs(tangent.compliance))
-        return Point(state, tangent, requested, limit, step, self.line, stale, eq.age, stiffest)
+        signature = Signature(self.last.signature.excess, 0.0) if limit else self.stability.signature(exact=stale)
+        return Point(state, tangent, requested, limit, step, self.line, stale, eq.age, stiffest, signature)
 
     def advance(self, step: float, goal: float) -> Point:
         """One step towards the requested value ``goal``; shortened until it succeeds.
@@ -247,6 +272,25 @@ class Path:
         except NoConvergence:
             state = self._bisect(before, after, lambda p: self.value(p.state) - value)
         return self.point(state, requested=True)
+
+    def on_the_way(self, before: Point, after: Point, share: float) -> Point:
+        """A point between two, ``share`` of the way in volume (in pressure, where the volume hardly changes)."""
+        a, b = before.state, after.state
+        if abs(b.V - a.V) > 1e-3 * abs(b.P - a.P) / self.P_scale * self.V0:
+            line = volume_control(a.V + share * (b.V - a.V))
+        else:
+            line = pressure_control(a.P + share * (b.P - a.P))
+        state = self.solve(line, (before, after))
+        return dataclasses.replace(after, state=state, tangent=self.tangent(state), requested=False)
+
+    def middle(self, before: Point, after: Point) -> Point:
+        """The point half way between two, with its signature."""
+        state = self.on_the_way(before, after, 0.5).state
+        self.equilibrium.factorise(state)
+        return dataclasses.replace(
+            after, state=state, tangent=self.tangent(state), requested=False, limit=False,
+            signature=self.stability.signature(exact=True),
+        )  # fmt: skip
 
     def limit(self, before: Point, after: Point) -> Point:
         """The limit point of the pressure between two points, to about 1e-10 of the pressure."""
@@ -347,8 +391,7 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         except PathEnd as end:
             raise PathEnd(str(end), met) from end
         passed = before
-        turned = before.tangent.P * after.tangent.P < 0
-        for stop in [path.limit(before, after), after] if turned else [after]:
+        for stop in [*events(path, before, after), after]:
             # On its own line the path stops at a goal by itself; on another it has to look back for those it passed.
             while path.line != path.quantity and path.value(passed.state) < left[0] <= path.value(stop.state):
                 passed = path.keep(path.between(passed, stop, left[0]))
