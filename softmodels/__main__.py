@@ -26,7 +26,7 @@ def softmodels() -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @commandline.run_options
 def run_file(
-    file: Path, output: Path | None, resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...]
+    file: Path, output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...]
 ) -> None:
     """Run a case FILE, such as the case.toml in a folder of results.
 
@@ -41,7 +41,7 @@ def run_file(
     def folder() -> Path:
         return output or Path("results") / case[0].name
 
-    commandline.execute(read, folder, resume, quiet, no_pictures, petsc)
+    commandline.execute(read, folder, resume, quiet, no_pictures, petsc, branch)
 
 
 @softmodels.command("draw")

@@ -11,6 +11,7 @@ from typing import Any
 from softmodels.case import Case
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results import Results, write_text
+from softmodels.stability_report import events, stability_text
 
 VOLUME_CHANGE = 0.1
 """Change of a cell's volume above which the user is told."""
@@ -45,7 +46,13 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
     if stored and status != BAD_INPUT:
         try:
             results.finish()
-            text = {"status": status, "message": message, "steps": len(stored), "last": results.rows[-1]}
+            text: dict[str, Any] = {
+                "status": status,
+                "message": message,
+                "steps": len(stored),
+                "last": results.rows[-1],
+            }
+            text["events"] = events(results.rows)
             write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
             if draw and status in (DONE, NO_EQUILIBRIUM):
                 _draw(results)
@@ -74,6 +81,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
+        if told := stability_text(results.rows, case.actuator):
+            print(told)
         pictures = ", pictures (*.png)" if draw else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status

@@ -46,6 +46,8 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--no-pictures``, PETSc's words."""
     command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
     command = click.option("--no-pictures", is_flag=True, help="Leave the pictures out.")(command)
+    text = "Follow the branch that leaves the path at its first bifurcation too, into the folder branch."
+    command = click.option("--branch", is_flag=True, help=text)(command)
     command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
     command = click.option("--resume", is_flag=True, help="Go on from where an interrupted run stopped.")(command)
     text = "Folder for the results; an earlier run's are replaced."
@@ -63,7 +65,7 @@ def device_command(device: type[Actuator], module: str, name: str, pressures: st
     """
 
     def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
-                output: Path | None, resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...],
+                output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...],
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
             law = {key: values.pop(key) for key in material_names()}
@@ -75,7 +77,7 @@ def device_command(device: type[Actuator], module: str, name: str, pressures: st
                 water_density=water_density, control=control, formulation=formulation,
             )  # fmt: skip
 
-        execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc)
+        execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc, branch)
 
     what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
     command.__doc__ = HELP.format(what=what, pressures=pressures, module=module)
@@ -104,6 +106,7 @@ def execute(
     quiet: bool,
     no_pictures: bool,
     petsc: tuple[str, ...],
+    branch: bool = False,
 ) -> None:
     """Build a case, run it and exit with its status."""
     try:
@@ -114,7 +117,7 @@ def execute(
     from softmodels.running import run
 
     try:
-        status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures)
+        status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch)
     except StartError as error:
         fail(str(error))
     except ImportError as error:

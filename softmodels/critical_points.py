@@ -8,6 +8,7 @@ path goes straight on, and another branch crosses it. A turn of the volume leave
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING
 
 from softmodels.equilibrium import NoConvergence
@@ -18,8 +19,16 @@ if TYPE_CHECKING:
 
 DEEPEST = 10
 """Halvings of an interval that holds several events; those closer together are told as one."""
-NEAR_ZERO = 1e-7
-"""Eigenvalue at a located bifurcation, in shares of those at the interval's ends."""
+SPREADS = (0.5, 0.2)
+"""Where the eigenvalue is asked for around its expected root, in shares of the way to the interval's farther end.
+
+Not closer: a mesh without the device's symmetry bends the path towards the branch where K is nearly singular, and a state
+near by would have a part of the mode and show the imperfect mesh's eigenvalue instead of the device's. The eigenvalue is a
+smooth function of the volume, so what is left is interpolated."""
+TOO_NEAR = 3e-3
+"""Eigenvalue, in shares of the largest on the path at hand, below which a state is not used for the interpolation."""
+SAMPLES = 4
+"""States whose eigenvalues the interpolation uses."""
 
 
 def unexplained(before: Point, after: Point) -> int:
@@ -55,25 +64,45 @@ def bifurcation(path: Path, before: Point, after: Point) -> Point:
     index = min(before.signature.excess, after.signature.excess)
     f_low, mode = stability.critical(before.state, index)
     f_high, _ = stability.critical(after.state, index)
-    low, high, scale = before, after, max(abs(f_low), abs(f_high))
     if f_low * f_high > 0:
         raise NoConvergence("the eigenvalue that changes its sign was not found")
-    best, value, side = before, f_low, 0
-    for _ in range(25):
-        share = f_low / (f_low - f_high)
-        share = min(max(share, 0.02), 0.98)  # Illinois' variant of the secant, kept off the ends
-        best = path.on_the_way(low, high, share)
-        value, mode = stability.critical(best.state, index)
-        if abs(value) <= NEAR_ZERO * scale or abs(high.state.V - low.state.V) <= 1e-10 * path.V0:
-            break
-        if (value > 0) == (f_high > 0):
-            high, f_high = best, value
-            f_low /= 2 if side == 1 else 1
-            side = 1
-        else:
-            low, f_low = best, value
-            f_high /= 2 if side == -1 else 1
-            side = -1
+    known = [(f_low, before), (f_high, after)]
+    start, width = before.state.V, after.state.V - before.state.V
+    for spread in SPREADS:
+        root = _root(known, stability.largest)
+        reach = max(abs(root - start), abs(root - after.state.V))
+        for V in (root - spread * reach, root + spread * reach):
+            path.equilibrium.factorise(before.state)
+            try:
+                point = path.on_the_way(before, after, (V - start) / width)
+                known.append((stability.critical(point.state, index)[0], point))
+            except NoConvergence:  # too near: K is singular there in every control
+                continue
+    root = _root(known, stability.largest)
+    far = _far(known, stability.largest)
+    low, high = (_nearest([p for value, p in far if value * f > 0] or [end], root)
+                 for f, end in ((f_low, before), (f_high, after)))  # fmt: skip
+    point = path.in_between(low, high, (root - low.state.V) / (high.state.V - low.state.V))
+    value, mode = stability.critical(point.state, index)
     path.equilibrium.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
     signature = Signature(before.signature.excess, value)
-    return dataclasses.replace(best, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
+    return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
+
+
+def _root(known: list[tuple[float, Point]], scale: float) -> float:
+    """Volume at which the eigenvalue is zero: Lagrange's polynomial of the volume over it, through the nearest states."""
+    used = sorted(_far(known, scale), key=lambda entry: abs(entry[0]))[:SAMPLES]
+    return sum(
+        point.state.V * math.prod(other / (other - value) for other, _ in used if other != value)
+        for value, point in used
+    )
+
+
+def _far(known: list[tuple[float, Point]], scale: float) -> list[tuple[float, Point]]:
+    """Those states that are far enough from the singular one; all, where hardly any is."""
+    far = [entry for entry in known if abs(entry[0]) > TOO_NEAR * scale]
+    return far if len(far) > 1 else known
+
+
+def _nearest(points: list[Point], V: float) -> Point:
+    return min(points, key=lambda point: abs(point.state.V - V))

@@ -139,6 +139,7 @@ class Equilibrium:
         self.points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE)
         self._J = fem.Expression(strain.J, self.points, jit_options=jit)
         self.snes: Any = None
+        self.anchor: Any = None
         self.cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
         self.n = self.system.n
         self._make_solver()
@@ -223,8 +224,33 @@ class Equilibrium:
         self.system.q.array_w[:] = self._assemble(self._load)
         inner = self._assemble(self._inner)
         control = self.system.control
-        gap = control.value(self.volume() if control.volume else 0.0, P) - control.target
+        measured = (self.volume() if self.anchor is None else self._along()) if control.volume else 0.0
+        gap = control.value(measured, P) - control.target
         self.system.join(f, inner - P * self.system.q.array_r, gap)
+
+    def _along(self) -> float:
+        """How far the current state has gone from the anchor along its force."""
+        self._y.array_w[:] = self.w.x.array[: self.n] - self.anchor[: self.n]
+        return float(self.system.row.dot(self._y))
+
+    def solve_along(
+        self, force: Any, anchor: npt.NDArray[np.float64], amount: float, w: npt.NDArray[np.float64], P: float
+    ) -> State:
+        """Find the state with ``force . (w - anchor) = amount`` at whatever pressure, starting from the guess (w, P).
+
+        Args:
+            force: PETSc vector of the body's unknowns.
+            anchor: Dofs from which the amount is counted, shape as `State.w`.
+            amount: What the equation asks for; takes the volume's place in a control.
+
+        Raises:
+            NoConvergence: Newton's method did not get there.
+        """
+        self.system.row, self.anchor = force, anchor
+        try:
+            return self.solve(Control(1.0, 0.0, amount), w, P)
+        finally:
+            self.system.row = self.anchor = None
 
     def _assemble_tangent(self) -> None:
         from dolfinx.fem import petsc as fem_petsc

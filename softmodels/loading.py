@@ -55,7 +55,7 @@ class Point:
     factorised: bool
     age: int
     stiffest: float
-    signature: Signature = Signature()
+    signature: Signature = dataclasses.field(default_factory=Signature)
     mode: Any = None
 
     @property
@@ -117,6 +117,7 @@ class Path:
         self.first_steps = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0, "arc-length": 0.1}
         step, stiffest = self.first_steps[self.line], abs(tangent.compliance)
         self.stability.start()
+        self.stability.settle()
         signature = self.stability.signature(exact=True)
         return self.keep(Point(rest, tangent, False, False, step, self.line, True, eq.age, stiffest, signature))
 
@@ -127,6 +128,7 @@ class Path:
         for point in points:
             if point.factorised:
                 self.equilibrium.factorise(point.state)
+                self.stability.settle()
             self.keep(dataclasses.replace(point, tangent=self.tangent(point.state)))
         self.line, self.equilibrium.age = points[-1].line, points[-1].age
 
@@ -179,9 +181,15 @@ class Path:
         if stale:
             eq.factorise(state)
         tangent = self.tangent(state)
+        before = self.last.tangent
+        turned = before.P * tangent.P < 0 or before.V * tangent.V < 0
+        if (turned or self.last.signature.excess) and not stale and not limit:
+            stale = True
+            eq.factorise(state)
         step = self.last.step if step is None else step
         stiffest = min(self.last.stiffest, abs(tangent.compliance))
-        signature = Signature(self.last.signature.excess, 0.0) if limit else self.stability.signature(exact=stale)
+        excess = self.last.signature.excess
+        signature = Signature(excess, 0.0) if limit else self.stability.signature(stale, excess)
         return Point(state, tangent, requested, limit, step, self.line, stale, eq.age, stiffest, signature)
 
     def advance(self, step: float, goal: float) -> Point:
@@ -274,14 +282,21 @@ class Path:
         return self.point(state, requested=True)
 
     def on_the_way(self, before: Point, after: Point, share: float) -> Point:
-        """A point between two, ``share`` of the way in volume (in pressure, where the volume hardly changes)."""
+        """A point between two, ``share`` of the way in volume."""
         a, b = before.state, after.state
-        if abs(b.V - a.V) > 1e-3 * abs(b.P - a.P) / self.P_scale * self.V0:
-            line = volume_control(a.V + share * (b.V - a.V))
-        else:
-            line = pressure_control(a.P + share * (b.P - a.P))
-        state = self.solve(line, (before, after))
+        state = self.solve(volume_control(a.V + share * (b.V - a.V)), (before, after))
         return dataclasses.replace(after, state=state, tangent=self.tangent(state), requested=False)
+
+    def in_between(self, before: Point, after: Point, share: float) -> Point:
+        """A point between two close ones, interpolated and not solved for."""
+        a, b = before.state, after.state
+        line = volume_control(a.V + share * (b.V - a.V))
+        w, P = predict((before, after), line)
+        v, r = before.tangent, after.tangent
+        tangent = Tangent(
+            (1 - share) * v.w + share * r.w, (1 - share) * v.P + share * r.P, (1 - share) * v.V + share * r.V
+        )
+        return dataclasses.replace(after, state=State(w, P, line.target), tangent=tangent)
 
     def middle(self, before: Point, after: Point) -> Point:
         """The point half way between two, with its signature."""

@@ -99,12 +99,17 @@ def draw(folder: Path, name: str, report: Callable[[str], Any] = print) -> list[
         if case.actuator.dimension == 2:
             save("mesh.png", plots.section_mesh(body.points, body.cells))
             save("slice.png", plots.section_stress(body.points, body.moved, body.cells, body.stress, row))
+        found = next((k for k, row in enumerate(results.rows) if row.get("bifurcation")), None)
+        if found is not None and case.actuator.dimension == 2:
+            save("mode.png", _section_mode(results, body, found))
         if not can_render():
             report(NO_RENDERING)
             return written
         if case.actuator.dimension == 3:
             save("mesh.png", _mesh(body, case.actuator))
             save("slice.png", _slice(body, case.actuator, row))
+            if found is not None:
+                save("mode.png", _mode(results, body, case.actuator, found))
         save(f"{name}.png", _device(body, case.actuator, row))
     return written
 
@@ -128,6 +133,22 @@ def _profiles(results: Results, body: Body, actuator: Actuator) -> Figure:
         for step in plots.profile_steps(results.rows)
     }
     return plots.profiles(lines, plots.profile(body.points, np.zeros_like(body.points), actuator), results.rows)
+
+
+def _section_mode(results: Results, body: Body, step: int) -> Figure:
+    fields = results.fields(step, ("displacement", "mode"))
+    moved = body.points + fields["displacement"]
+    return plots.section_mode(body.points, moved, fields["mode"], body.cells, results.rows[step])
+
+
+def _mode(results: Results, body: Body, actuator: Actuator, step: int) -> Figure:
+    """The device at a bifurcation with some of the mode added."""
+    fields = results.fields(step, ("displacement", "mode", "von_mises_stress"))
+    size = 0.15 * np.ptp(body.points, axis=0).max()
+    bent = dataclasses.replace(
+        body, displacement=fields["displacement"] + size * fields["mode"], stress=fields["von_mises_stress"]
+    )
+    return _device(bent, actuator, results.rows[step])
 
 
 # -- rendering --------------------------------------------------------------------------------------------------------

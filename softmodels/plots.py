@@ -204,6 +204,29 @@ def section_stress(points: Array, moved: Array, cells: npt.NDArray[np.int64], va
     return figure
 
 
+def section_mode(
+    points: Array, moved: Array, mode: Array, cells: npt.NDArray[np.int64], row: Row, amount: float = 0.15
+) -> Figure:
+    """The half section at a bifurcation and the two shapes it can go on to.
+
+    Args:
+        points: Undeformed, in m, shape (n, 3) with y = 0.
+        moved: At the bifurcation, likewise.
+        mode: Its mode, largest component 1, shape (n, 3).
+        cells: Shape (c, 6).
+        row: The state's row of ``path.csv``.
+        amount: Largest displacement of the mode as drawn, in widths of the undeformed section.
+    """
+    before, after = points[:, ::2] * 1e3, moved[:, ::2] * 1e3
+    size = amount * np.ptp(before[:, 0])
+    shapes = [(after + sign * size * mode[:, ::2], colour) for sign, colour in ((1, WARNING), (-1, CURVE))]
+    figure, axes = _section(np.concatenate([before, *(shape for shape, _ in shapes)]), 0.0)
+    for shown, colour in ((before, FAINT), (after, INK), *shapes):
+        axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
+    axes.set_title(f"Bifurcation at {headline(row)}: the mode, either way (size at will)")
+    return figure
+
+
 def outline(points: Array, cells: npt.NDArray[np.int64]) -> Array:
     """Curves along the edges that belong to one triangle alone, shape (n, d) to (edges, 9, d)."""
     edges = cells[:, EDGES].reshape(-1, 3)

@@ -38,7 +38,9 @@ def drop_between(case: Case, results: Results) -> None:
     quantity = "pressure" if case.pressures_cm else "volume"
     while results.stored:
         row = results.stored[-1].row
-        if not (row["limit"] or (row["requested"] and row["step"] and row["following"] != quantity)):
+        if not (
+            row["limit"] or row["bifurcation"] or (row["requested"] and row["step"] and row["following"] != quantity)
+        ):
             return
         results.stored.pop()
 
@@ -65,6 +67,7 @@ def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     """The points a trace goes on from: the first limit point, the last one factorised at, and the last two."""
     from softmodels.equilibrium import Tangent
     from softmodels.loading import Point
+    from softmodels.stability import Signature
 
     records = on_root(comm, lambda: [stored.restart for stored in results.stored])
     count = len(records)
@@ -73,6 +76,7 @@ def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     points = []
     for i in sorted({*limits, factorised, max(count - 2, 0), count - 1}):
         record = dict(records[i])
+        record["signature"] = Signature(**record["signature"])
         nodal = results.fields(i, ("displacement", "p")) if is_root(comm) else None
         state = dataclasses.replace(
             fields.state(nodal, record.pop("P"), record.pop("V")), iterations=record.pop("iterations")

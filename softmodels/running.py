@@ -7,12 +7,15 @@ value is not on the path (a limit point); 130 stopped by the user. Whatever happ
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import errno
 import os
 import signal
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
@@ -24,6 +27,7 @@ from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, pets
 from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
 from softmodels.resuming import check_same, check_values, drop_between, stopped_at, stored_points
+from softmodels.stability_report import unseen
 
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
@@ -32,7 +36,14 @@ STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
 def run(
-    case: Case, folder: Path, *, resume: bool = False, quiet: bool = False, petsc: Sequence[str] = (), draw: bool = True
+    case: Case,
+    folder: Path,
+    *,
+    resume: bool = False,
+    quiet: bool = False,
+    petsc: Sequence[str] = (),
+    draw: bool = True,
+    branch: bool = False,
 ) -> int:
     """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
 
@@ -43,6 +54,7 @@ def run(
         quiet: Only errors are said.
         petsc: Words for PETSc's option database.
         draw: Make the pictures at the end.
+        branch: Follow the branch that leaves the path at its first bifurcation too, into the folder ``branch``.
 
     Raises:
         StartError: PETSc cannot take the words.
@@ -58,7 +70,7 @@ def run(
     try:
         with progress, _interruptible() as stopped:
             kept = on_root(comm, lambda: _prepare(case, results, resume))
-            message = _follow(case, results, comm, progress, stopped, kept)
+            message = _follow(case, results, comm, progress, stopped, kept, branch)
     except RunError as error:
         status, message = error.status, str(error)
     except (MeshingError, CaseError, MaterialError, ResultsError) as error:
@@ -121,7 +133,9 @@ def _prepare(case: Case, results: Results, resume: bool) -> bool:
     return False
 
 
-def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped: list[int], resumed: bool) -> str:
+def _follow(
+    case: Case, results: Results, comm: Any, progress: Progress, stopped: list[int], resumed: bool, branch: bool
+) -> str:
     """Solve, and write every step; returns the closing sentence."""
     from softmodels.body import Body, BodyError
     from softmodels.equilibrium import Equilibrium, NoConvergence
@@ -162,10 +176,14 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
         progress.say(f"going on from step {on_root(comm, lambda: len(results.stored) - 1)}")
     else:
         on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
+    bifurcations = []
     try:
         for point in trace(path, goals, begin):
             _keep(case, results, fields, comm, progress, point)
+            bifurcations += [point] if point.bifurcation else []
             _stop_if_asked(comm, stopped)
+        if branch:
+            _follow_branch(case, results, fields, comm, progress, path, bifurcations)
     except PathEnd as end:
         raise RunError(explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED) from end
     except NoConvergence as failure:  # at the first state or a limit point, where there is no step to shorten
@@ -174,6 +192,31 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
             "(--cell-size), or use another --control"
         ) from failure
     return ""
+
+
+def _follow_branch(
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, path: Any, bifurcations: list[Any]
+) -> None:
+    """Follow the branch at the first bifurcation into a folder of its own."""
+    from softmodels.branching import follow
+    from softmodels.loading import PathEnd
+
+    if not bifurcations:
+        hidden = unseen(case.actuator)
+        progress.say(f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}")
+        return
+    aside = Results(results.folder / "branch", case.name)
+    on_root(comm, aside.clear)
+    on_root(comm, lambda: write_text(aside.folder / "case.toml", case.to_toml()))
+    on_root(comm, lambda: aside.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
+    progress.say(f"following the branch from {bifurcations[0].state.P * path.equilibrium.stress_unit / case.cm:.4g} cm")
+    farthest = max(case.goals) / (path.equilibrium.stress_unit if case.pressures_cm else path.equilibrium.volume_unit)
+    try:
+        for point in follow(path, bifurcations[0], farthest=farthest):
+            _keep(case, aside, fields, comm, progress, point)
+    except PathEnd as end:
+        progress.say(f"the branch was followed no further: {end}")
+    on_root(comm, lambda: aside.finish() if aside.stored else None)
 
 
 def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
@@ -187,8 +230,11 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
     restart = {
         "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "step": point.step,
         "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
-        "iterations": point.state.iterations,
+        "iterations": point.state.iterations, "signature": dataclasses.asdict(point.signature),
     }  # fmt: skip
+    if point.bifurcation:
+        mode = fields.shape(point.mode)
+        nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
 
     def write() -> None:
         height = figures.pressure / case.cm
@@ -209,6 +255,13 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             "stored_energy_mJ": figures.stored_energy * 1e3,
             "requested": int(point.requested),
             "limit": int(point.limit),
+            "bifurcation": int(point.bifurcation),
+            "stable_under_pressure": int(point.stable_under_pressure),
+            "stable_under_volume": int(point.stable_under_volume),
+            "falling_directions": point.signature.excess,
+            "lowest_eigenvalue_Pa_per_mm2": point.signature.lowest
+            * fields.equilibrium.stress_unit
+            / (fields.equilibrium.length_unit * 1e3) ** 2,
             "following": point.line,
         }
         results.add(row, nodal, restart)

@@ -27,7 +27,9 @@ ALWAYS = 6000
 NEAR = 0.4
 """Share of the lowest eigenvalue at the last factorised point below which a larger system is factorised too."""
 SWEEPS = 3
-"""Inverse iterations per factorised point; the vector is that of the point before, so few are enough."""
+"""Inverse iterations per factorised point of a larger system; the vector is that of the point before, so few are enough."""
+MOST_SWEEPS, SETTLED = 40, 1e-11
+"""The same for small systems, which can afford to iterate until the eigenvalue stays."""
 LOOSE = 0.03
 """Relative tolerance of the one inverse iteration where K is not factorised."""
 
@@ -96,8 +98,7 @@ class Stability:
             bc.set(seed.x.array, alpha=0.0)
         self.x, self.Mx, self.y = (self.M.createVecRight() for _ in range(3))
         self.x.array_w[:] = seed.x.array[: eq.n]
-        self.last = Signature()
-        self.reference = 0.0
+        self.reference = self.largest = self._guess = 0.0
 
     # -- along a path -------------------------------------------------------------------------------------------------
 
@@ -111,23 +112,30 @@ class Stability:
             return True
         return self._guess < NEAR * self.reference
 
-    def signature(self, exact: bool) -> Signature:
-        """Signature of the state that `wants` was asked of, factorised since then if ``exact``."""
-        if exact:
-            lowest = self._sweep()
-            self.last = Signature(self.excess(), lowest)
-            self.reference = abs(lowest)
-        else:
-            self.last = Signature(self.last.excess, self._guess, exact=False)
-        return self.last
+    def signature(self, exact: bool, excess: int = 0) -> Signature:
+        """Signature of the state that `wants` was asked of: of K as factorised there, or else with the excess known before."""
+        if not exact:
+            return Signature(excess, self._guess, exact=False)
+        lowest = self._sweep()
+        self.reference = abs(lowest)
+        self.largest = max(self.largest, self.reference)
+        return Signature(self.excess(), lowest)
+
+    def settle(self) -> None:
+        """Let the tracked mode converge at a state with no point before it; K is factorised there."""
+        for _ in range(3):
+            self._sweep()
 
     def excess(self) -> int:
         """Negative eigenvalues of the factorised K beyond those of a stable one."""
         return self.equilibrium.system.negatives() - self.constraints
 
     def _sweep(self) -> float:
-        for _ in range(SWEEPS):
-            value = self._iterate(self.equilibrium.system.solve)
+        value = self._iterate(self.equilibrium.system.solve)
+        for _ in range(MOST_SWEEPS if self.unknowns <= ALWAYS else SWEEPS - 1):
+            before, value = value, self._iterate(self.equilibrium.system.solve)
+            if abs(value - before) <= SETTLED * abs(value):
+                break
         return value
 
     def _estimate(self, state: State) -> float:
