@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from softmodels import commandline
+from softmodels import commandline, limit_command
 from softmodels.case import Case
 
 
@@ -17,6 +17,7 @@ def softmodels() -> None:
     \b
     python -m softmodels.disk --help    the disk actuator
     softmodels run case.toml            repeat a run from its case file
+    softmodels limit --help             how much pressure a design can bear
     softmodels draw results/disk        make the pictures of a run anew
     softmodels doctor                   check the installation
     """
@@ -42,6 +43,9 @@ def run_file(
         return output or Path("results") / case[0].name
 
     commandline.execute(read, folder, resume, quiet, no_pictures, petsc, branch)
+
+
+softmodels.add_command(limit_command.command)
 
 
 @softmodels.command("draw")
