@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from softmodels.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.bordered import Bordered
-from softmodels.controls import Control, pressure_control
+from softmodels.controls import Control, Curve, pressure_control
 from softmodels.materials import Material, MaterialError
 from softmodels.parallel import largest, total
 from softmodels.strain import Strain
@@ -223,9 +223,10 @@ class Equilibrium:
         P = self._take(x)
         self.system.q.array_w[:] = self._assemble(self._load)
         inner = self._assemble(self._inner)
-        control = self.system.control
-        measured = (self.volume() if self.anchor is None else self._along()) if control.volume else 0.0
-        gap = control.value(measured, P) - control.target
+        control = self.control
+        measured = (self.volume() if self.anchor is None else self._along()) if control.needs_volume else 0.0
+        gap = control.weight * (control.value(measured, P) - control.target)
+        self.system.control = control.line(measured, P)  # Newton's matrix at this iterate has the control's tangent
         self.system.join(f, inner - P * self.system.q.array_r, gap)
 
     def _along(self) -> float:
@@ -345,13 +346,13 @@ class Equilibrium:
         self._before = residual
         return reasons.ITERATING
 
-    def solve(self, control: Control, w: npt.NDArray[np.float64], P: float) -> State:
-        """Find the state on the control's line, starting from the guess (w, P).
+    def solve(self, control: Curve, w: npt.NDArray[np.float64], P: float) -> State:
+        """Find the state on the control's curve, starting from the guess (w, P).
 
         Raises:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
-        self.system.control = control
+        self.control = control
         self.system.join(self._x, w[: self.n], P)
         self.snes.solve(None, self._x)
         reason = self.snes.getConvergedReason()

@@ -14,12 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from softmodels.controls import Control, arc_length, pressure_control, volume_control
+from softmodels.controls import Control, Curve, arc_length, pressure_control, volume_control
 from softmodels.critical_points import events
 from softmodels.equilibrium import TANGENT_TOLERANCE, Equilibrium, NoConvergence, State, Tangent
 from softmodels.stability import Signature, Stability
+from softmodels.supply import Stroke
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
+QUANTITIES = ("pressure", "volume", "stroke")
 QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
 GROWTH = 1.7
 SOFTENING = 4.0  # growth of dV/dP over its least value at which `auto` leaves the pressure for the volume
@@ -87,18 +89,23 @@ class Path:
     Args:
         equilibrium: The device.
         control: One of `CONTROLS`.
-        quantity: What the requested values are: ``"pressure"`` or ``"volume"`` (added volume), dimensionless.
+        quantity: What the requested values are: ``"pressure"``, ``"volume"`` (added volume) or ``"stroke"`` (of a
+            syringe, a volume), dimensionless.
         largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
+        supply: The syringe's gas law, where strokes are requested.
     """
 
     equilibrium: Equilibrium
     control: str = "auto"
     quantity: str = "pressure"
     largest_step: float = math.inf
+    supply: Stroke | None = None
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
+        if self.quantity not in QUANTITIES or (self.quantity == "stroke") != (self.supply is not None):
+            raise ValueError(f"quantity {self.quantity!r} is not one of {', '.join(QUANTITIES)}, or has no supply")
         self.points: list[Point] = []
         self.line = {"auto": self.quantity}.get(self.control, self.control)
         self.report: Callable[[str], None] = lambda text: None
@@ -115,6 +122,9 @@ class Path:
         tangent = eq.tangent(rest, Control(1 / self.V0, 1.0, 0.0))
         self.P_scale = self.V0 / tangent.compliance
         self.first_steps = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0, "arc-length": 0.1}
+        if self.supply is not None:
+            a, b = self.supply.slopes(self.V0, 0.0)
+            self.first_steps["stroke"] = 0.1 * (a * self.V0 + b * self.P_scale)
         step, stiffest = self.first_steps[self.line], abs(tangent.compliance)
         self.stability.start()
         self.stability.settle()
@@ -142,10 +152,14 @@ class Path:
 
     def value(self, state: State) -> float:
         """The requested quantity at a state."""
+        if self.supply is not None:
+            return self.supply.value(state.V, state.P)
         return state.P if self.quantity == "pressure" else state.V - self.V0
 
-    def target(self, value: float) -> Control:
-        """The line on which the requested quantity has this value."""
+    def target(self, value: float) -> Curve:
+        """The curve on which the requested quantity has this value."""
+        if self.supply is not None:
+            return self.supply.at(value)
         return pressure_control(value) if self.quantity == "pressure" else volume_control(value + self.V0)
 
     # -- one step -----------------------------------------------------------------------------------------------------
@@ -159,16 +173,18 @@ class Path:
             line = Control(1 / self.V0, 1.0, 0.0)
         return self.equilibrium.tangent(state, line, tolerance)
 
-    def ahead(self, step: float) -> Control:
-        """The line that lies ``step`` ahead of the last point, for what the path is following."""
+    def ahead(self, step: float) -> Curve:
+        """The curve that lies ``step`` ahead of the last point, for what the path is following."""
         s, t = self.last.state, self.last.tangent
+        if self.line == "stroke":
+            return self.target(self.value(s) + step)
         if self.line == "pressure":
             return pressure_control(s.P + step)
         if self.line == "volume":
             return volume_control(s.V + step)
         return arc_length(s.V, s.P, t.V, t.P, step, self.V0, self.P_scale)
 
-    def solve(self, line: Control, around: Sequence[Point]) -> State:
+    def solve(self, line: Curve, around: Sequence[Point]) -> State:
         """The state on a line, guessed by the cubic through one or two points and their tangents."""
         w, P = predict(around, line)
         return self.equilibrium.solve(line, w, P)
@@ -245,11 +261,18 @@ class Path:
         """Whether a limit point ends the path: a pressure above it has no state, a volume has one."""
         return self.control == "auto" and self.quantity == "pressure" and limit.limit
 
+    def rate(self, quantity: str) -> float:
+        """How fast a quantity changes along the last point's tangent."""
+        s, t = self.last.state, self.last.tangent
+        if quantity == "stroke":
+            assert self.supply is not None
+            a, b = self.supply.slopes(s.V, s.P)
+            return a * t.V + b * t.P
+        return {"pressure": t.P, "volume": t.V}.get(quantity, math.hypot(t.V / self.V0, t.P / self.P_scale))
+
     def longest(self) -> float:
         """The longest step allowed, in units of what the path is following."""
-        t = self.last.tangent
-        per = t.P if self.quantity == "pressure" else t.V
-        along = {"pressure": t.P, "volume": t.V, "arc-length": math.hypot(t.V / self.V0, t.P / self.P_scale)}[self.line]
+        per, along = self.rate(self.quantity), self.rate(self.line)
         return self.largest_step * abs(along / per) if per else math.inf
 
     def follow(self, line: str) -> None:
@@ -257,13 +280,7 @@ class Path:
         if line == self.line:
             return
         self.report(f"following the {line} from here")
-        t = self.last.tangent
-        per = {
-            "pressure": lambda: t.P,
-            "volume": lambda: t.V,
-            "arc-length": lambda: math.hypot(t.V / self.V0, t.P / self.P_scale),
-        }
-        step = abs(self.last.step * per[line]() / per[self.line]())
+        step = abs(self.last.step * self.rate(line) / self.rate(self.line))
         if line == "volume":
             step = min(step, 0.2 * self.last.state.V)
         self.line = line
@@ -334,15 +351,17 @@ class Path:
         return best.state
 
 
-def predict(points: Sequence[Point], line: Control) -> tuple[Any, float]:
+def predict(points: Sequence[Point], line: Curve) -> tuple[Any, float]:
     """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
 
     The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.
     """
-    d, w, P, dw, dP = [], [], [], [], []
+    d, w, P, dw, dP, rates = [], [], [], [], [], []
     for point in points:
         s, t = point.state, point.tangent
-        rate = line.value(t.V, t.P)
+        a, b = line.slopes(s.V, s.P)
+        rate = a * t.V + b * t.P
+        rates.append(rate)
         if rate == 0.0:
             raise NoConvergence("the path runs along the control's line")
         d.append(line.value(s.V, s.P))
@@ -350,11 +369,7 @@ def predict(points: Sequence[Point], line: Control) -> tuple[Any, float]:
         P.append(s.P)
         dw.append(t.w / rate)
         dP.append(t.P / rate)
-    rates_agree = (
-        len(points) == 2
-        and line.value(points[0].tangent.V, points[0].tangent.P) * line.value(points[1].tangent.V, points[1].tangent.P)
-        > 0
-    )
+    rates_agree = len(points) == 2 and rates[0] * rates[1] > 0
     h = d[-1] - d[0]
     if not rates_agree or h == 0.0 or abs(line.target - d[-1]) > 3 * abs(h):
         ahead = line.target - d[-1]
