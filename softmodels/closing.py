@@ -19,7 +19,7 @@ VOLUME_CHANGE = 0.1
 
 def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
     """Why the path ended, where, and what can be done about it."""
-    asked = f"{case.pressures_cm[-1]:g} cm" if case.pressures_cm else f"{case.volumes_ml[-1]:g} ml"
+    asked = f"{case.values[-1]:g} {case.unit}"
     last = fields.figures(path.last.state)
     if end.limit is None:
         return (

@@ -18,6 +18,8 @@ from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import MaterialError
 from softmodels.parallel import StartError, speaks
+from softmodels.supply import SupplyError
+from softmodels.supply_table import supply_from, supply_options
 
 HELP = """Inflate {what} and write its whole load path.
 
@@ -69,12 +71,14 @@ def device_command(device: type[Actuator], module: str, name: str, pressures: st
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
             law = {key: values.pop(key) for key in material_names()}
+            supply, stroke_ml = supply_from(values), values.pop("stroke_ml")
             material = material_from(values.pop("material"), law)
             return Case(
                 name=name, actuator=device_from(device, values), material=material,
                 pressures_cm=series(pressure_cm, "pressure") if pressure_cm is not None else (),
                 volumes_ml=series(volume_ml, "volume") if volume_ml is not None else (),
                 water_density=water_density, control=control, formulation=formulation,
+                strokes_ml=series(stroke_ml, "stroke") if stroke_ml is not None else (), supply=supply,
             )  # fmt: skip
 
         execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc, branch)
@@ -88,6 +92,7 @@ def device_command(device: type[Actuator], module: str, name: str, pressures: st
                         help="What the path follows.")(made)  # fmt: skip
     text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
     made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
+    made = supply_options(made)
     made = material_options(made)
     made = device_options(device)(made)
     made = click.option(
@@ -112,7 +117,7 @@ def execute(
     try:
         ready = case()
         _check_words(petsc)
-    except (CaseError, GeometryError, MaterialError) as error:
+    except (CaseError, GeometryError, MaterialError, SupplyError) as error:
         fail(str(error))
     from softmodels.running import run
 

@@ -17,16 +17,15 @@ from softmodels.results import Results
 
 def check_same(case: Case, old: Case, folder: Path) -> None:
     """Refuse to go on from a run whose numbers would not be this case's."""
-    for field in ("name", "actuator", "material", "control", "formulation", "water_density"):
+    for field in ("name", "actuator", "material", "control", "formulation", "water_density", "supply"):
         if getattr(old, field) != getattr(case, field):
             raise RunError(
                 f"{folder} holds a run with another {field}; resume with its options, or run without --resume",
                 BAD_INPUT,
             )
-    if bool(old.pressures_cm) != bool(case.pressures_cm):
-        had = "pressures" if old.pressures_cm else "volumes"
+    if old.quantity != case.quantity:
         raise RunError(
-            f"{folder} holds a run to requested {had}; resume with those, or run without --resume", BAD_INPUT
+            f"{folder} holds a run to requested {old.quantity}s; resume with those, or run without --resume", BAD_INPUT
         )
 
 
@@ -35,7 +34,7 @@ def drop_between(case: Case, results: Results) -> None:
 
     They are found again, with that step. Going on from one of them would cut the path into other steps.
     """
-    quantity = "pressure" if case.pressures_cm else "volume"
+    quantity = case.quantity
     while results.stored:
         row = results.stored[-1].row
         if not (
@@ -47,9 +46,9 @@ def drop_between(case: Case, results: Results) -> None:
 
 def check_values(case: Case, results: Results) -> None:
     """Refuse requested values that the stored states have passed without stopping there."""
-    key, unit = ("pressure_cm", "cm") if case.pressures_cm else ("added_volume_ml", "ml")
+    key, unit = case.column, case.unit
     reached = max((row[key] for row in results.rows), default=0.0)
-    for value in case.pressures_cm or case.volumes_ml:
+    for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
             raise RunError(
                 f"{results.folder} holds a run that has passed {value:g} {unit} without stopping there; "

@@ -64,8 +64,7 @@ def run(
     from petsc4py import PETSc
 
     results = Results(folder, case.name)
-    unit = "cm" if case.pressures_cm else "ml"
-    progress = Progress((case.pressures_cm or case.volumes_ml)[-1], unit, quiet or not is_root(comm))
+    progress = Progress(case.values[-1], case.unit, quiet or not is_root(comm))
     status, message = DONE, ""
     try:
         with progress, _interruptible() as stopped:
@@ -161,16 +160,17 @@ def _follow(
     cells = body.mesh.topology.index_map(body.mesh.topology.dim).size_global
     progress.say(f"{cells} cells, {dofs} unknowns, {comm.size} rank{'s' if comm.size > 1 else ''}")
 
-    quantity = "pressure" if case.pressures_cm else "volume"
     scale = equilibrium.stress_unit if case.pressures_cm else equilibrium.volume_unit
     goals = [goal / scale for goal in case.goals]
-    path = LoadPath(equilibrium, case.control, quantity, goals[-1] / FEWEST_STEPS)
+    supply = None
+    if case.supply is not None:
+        cavity = equilibrium.rest().V * equilibrium.volume_unit
+        supply = case.supply.control(cavity, equilibrium.stress_unit, equilibrium.volume_unit)
+    path = LoadPath(equilibrium, case.control, case.quantity, goals[-1] / FEWEST_STEPS, supply)
     path.report = lambda text: progress.say(f"  {text}")
     begin: list[Any] = []
     if resumed:
-        key = "pressure_cm" if case.pressures_cm else "added_volume_ml"
-        values = case.pressures_cm or case.volumes_ml
-        left = on_root(comm, lambda: [not stopped_at(results, key, value) for value in values])
+        left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
         goals = [goal for goal, wanted in zip(goals, left, strict=True) if wanted]
         begin = stored_points(results, fields, comm)
         progress.say(f"going on from step {on_root(comm, lambda: len(results.stored) - 1)}")
@@ -224,6 +224,21 @@ def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
         raise RunError("stopped by the user; go on with --resume", STOPPED)
 
 
+def _driven(case: Case, fields: Any, figures: Any) -> dict[str, float]:
+    """The syringe's columns of a row: its stroke, and what the gas has taken up."""
+    if case.supply is None:
+        return {}
+    eq = fields.equilibrium
+    cavity = fields.rest_volume * eq.volume_unit
+    curve = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
+    V, P = (cavity + figures.added_volume) / eq.volume_unit, figures.pressure / eq.stress_unit
+    stroke = curve.value(V, P) * eq.volume_unit
+    taken = {} if case.supply.leak else {
+        "gas_energy_mJ": case.supply.gas_energy(stroke, figures.added_volume, figures.pressure, cavity) * 1e3
+    }  # fmt: skip
+    return {"stroke_ml": stroke * 1e6, **taken}
+
+
 def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any) -> None:
     """Write one point of the path."""
     figures, nodal = fields.figures(point.state), fields.nodal(point.state)
@@ -236,6 +251,8 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
         mode = fields.shape(point.mode)
         nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
 
+    driven = _driven(case, fields, figures)
+
     def write() -> None:
         height = figures.pressure / case.cm
         if point.requested and case.pressures_cm:  # as it was typed, without the rounding of two conversions
@@ -245,6 +262,7 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             "pressure_cm": height,
             "pressure_Pa": figures.pressure,
             "added_volume_ml": figures.added_volume * 1e6,
+            **driven,
             **{f"{name}_mm": rise * 1e3 for name, rise in figures.rises.items()},
             "max_displacement_mm": figures.max_displacement * 1e3,
             "max_stretch": figures.max_stretch,
@@ -265,6 +283,6 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             "following": point.line,
         }
         results.add(row, nodal, restart)
-        progress.step(row, row["pressure_cm"] if case.pressures_cm else row["added_volume_ml"])
+        progress.step(row, row[case.column])
 
     on_root(comm, write)
