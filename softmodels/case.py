@@ -47,6 +47,7 @@ class Case:
         formulation: ``mixed`` or ``displacement``.
         strokes_ml: Requested strokes of the syringe in ml, rising; empty unless there is one.
         supply: The syringe, or None where pressure or volume are imposed.
+        cycle: Whether the pressure is lowered again through the same values, and the device jumps at limit points.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Case:
     formulation: str = "mixed"
     strokes_ml: tuple[float, ...] = ()
     supply: Syringe | None = None
+    cycle: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
@@ -68,6 +70,10 @@ class Case:
                 "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
                 "(--supply syringe --stroke-ml), one of these"
             )
+        if self.cycle and not self.pressures_cm:
+            raise CaseError("--cycle raises and lowers a pressure; give --pressure-cm with it")
+        if self.cycle and self.control != "auto":
+            raise CaseError("--cycle chooses by itself what it follows; leave out --control")
         if bool(self.strokes_ml) != (self.supply is not None):
             raise CaseError("a syringe (--supply syringe) and its strokes (--stroke-ml) belong together")
         if self.supply is not None:
@@ -160,7 +166,7 @@ class Case:
                 "name": self.name,
                 "geometry": geometry_table.to_table(self.actuator),
                 "material": material_table.to_table(self.material),
-                "load": {**load, "control": self.control},
+                "load": {**load, "control": self.control, **({"cycle": True} if self.cycle else {})},
                 "solver": {"formulation": self.formulation},
                 **({"supply": supply_table.to_table(self.supply)} if self.supply is not None else {}),
             }
@@ -182,7 +188,7 @@ class Case:
             if not isinstance(tables.get(table, {}), dict):
                 raise CaseError(f"{table} is {tables[table]!r}; it must be a table, which begins with a line [{table}]")
         load, solver = tables.get("load", {}), tables.get("solver", {})
-        _known(load, "[load]", ("pressure_cm", "volume_ml", "stroke_ml", "water_density", "control"))
+        _known(load, "[load]", ("pressure_cm", "volume_ml", "stroke_ml", "water_density", "control", "cycle"))
         _known(solver, "[solver]", ("formulation",))
         for table in ("geometry", "load"):
             if table not in tables:
@@ -199,6 +205,7 @@ class Case:
                 water_density=_density(load.get("water_density", exact_text(WATER_DENSITY, "kg/m^3"))),
                 control=load.get("control", "auto"),
                 formulation=solver.get("formulation", "mixed"),
+                cycle=_flag(load.get("cycle", False)),
                 strokes_ml=series(load.get("stroke_ml", ()), "stroke"),
                 supply=supply_table.from_table(tables["supply"]) if "supply" in tables else None,
             )
@@ -220,6 +227,12 @@ def _known(table: Mapping[str, Any], where: str, names: tuple[str, ...]) -> None
     for key in table:
         if key not in names:
             raise CaseError(f"{where} has an unknown entry {key!r}; known are {', '.join(names)}")
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise CaseError(f"cycle is {value!r}; it must be true or false")
+    return value
 
 
 def _density(value: Any) -> float:

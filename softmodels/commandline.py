@@ -71,7 +71,7 @@ def device_command(device: type[Actuator], module: str, name: str, pressures: st
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
             law = {key: values.pop(key) for key in material_names()}
-            supply, stroke_ml = supply_from(values), values.pop("stroke_ml")
+            supply, stroke_ml, cycle = supply_from(values), values.pop("stroke_ml"), values.pop("cycle")
             material = material_from(values.pop("material"), law)
             return Case(
                 name=name, actuator=device_from(device, values), material=material,
@@ -79,6 +79,7 @@ def device_command(device: type[Actuator], module: str, name: str, pressures: st
                 volumes_ml=series(volume_ml, "volume") if volume_ml is not None else (),
                 water_density=water_density, control=control, formulation=formulation,
                 strokes_ml=series(stroke_ml, "stroke") if stroke_ml is not None else (), supply=supply,
+                cycle=cycle,
             )  # fmt: skip
 
         execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc, branch)
@@ -92,6 +93,10 @@ def device_command(device: type[Actuator], module: str, name: str, pressures: st
                         help="What the path follows.")(made)  # fmt: skip
     text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
     made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
+    text = (
+        "Lower the pressure again through the same values; at limit points the device jumps, as under a water column."
+    )
+    made = click.option("--cycle", is_flag=True, help=text)(made)
     made = supply_options(made)
     made = material_options(made)
     made = device_options(device)(made)

@@ -46,6 +46,7 @@ class Point:
         stiffest: Least |dV/dP| on the path so far.
         signature: Number of falling directions and lowest eigenvalue.
         mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1; else None.
+        jump: Whether the device has jumped here from the state before.
     """
 
     state: State
@@ -59,6 +60,7 @@ class Point:
     stiffest: float
     signature: Signature = dataclasses.field(default_factory=Signature)
     mode: Any = None
+    jump: bool = False
 
     @property
     def bifurcation(self) -> bool:
@@ -93,6 +95,7 @@ class Path:
             syringe, a volume), dimensionless.
         largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
         supply: The syringe's gas law, where strokes are requested.
+        farthest: Cavity volumes at which a path to a pressure is given up.
     """
 
     equilibrium: Equilibrium
@@ -100,6 +103,7 @@ class Path:
     quantity: str = "pressure"
     largest_step: float = math.inf
     supply: Stroke | None = None
+    farthest: float = FARTHEST
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
@@ -441,5 +445,5 @@ def _check_end(path: Path, met: Point | None) -> None:
     added = path.last.state.V - path.V0
     if met is not None and path.ends_past(met) and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
         raise PathEnd("the pressure has a limit point", met)
-    if path.quantity == "pressure" and added > FARTHEST * path.V0:
-        raise PathEnd(f"the cavity has grown {FARTHEST:g} times and the requested value was not met", met)
+    if path.quantity == "pressure" and added > path.farthest * path.V0:
+        raise PathEnd(f"the cavity has grown {path.farthest:g} times and the requested value was not met", met)

@@ -17,7 +17,7 @@ from softmodels.results import Results
 
 def check_same(case: Case, old: Case, folder: Path) -> None:
     """Refuse to go on from a run whose numbers would not be this case's."""
-    for field in ("name", "actuator", "material", "control", "formulation", "water_density", "supply"):
+    for field in ("name", "actuator", "material", "control", "formulation", "water_density", "supply", "cycle"):
         if getattr(old, field) != getattr(case, field):
             raise RunError(
                 f"{folder} holds a run with another {field}; resume with its options, or run without --resume",

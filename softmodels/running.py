@@ -117,6 +117,8 @@ def _prepare(case: Case, results: Results, resume: bool) -> bool:
     folder, file = results.folder, results.folder / "case.toml"
     if resume and file.exists():
         check_same(case, Case.from_file(file), folder)
+        if case.cycle and results.heavy.exists():
+            raise RunError("a run with --cycle cannot be gone on with; run it without --resume", BAD_INPUT)
         if results.heavy.exists():
             results.load()
             drop_between(case, results)
@@ -137,6 +139,7 @@ def _follow(
 ) -> str:
     """Solve, and write every step; returns the closing sentence."""
     from softmodels.body import Body, BodyError
+    from softmodels.dead_pressure import cycle
     from softmodels.equilibrium import Equilibrium, NoConvergence
     from softmodels.fields import Fields
     from softmodels.loading import Path as LoadPath
@@ -178,7 +181,7 @@ def _follow(
         on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
     bifurcations = []
     try:
-        for point in trace(path, goals, begin):
+        for point in cycle(path, goals) if case.cycle else trace(path, goals, begin):
             _keep(case, results, fields, comm, progress, point)
             bifurcations += [point] if point.bifurcation else []
             _stop_if_asked(comm, stopped)
@@ -243,7 +246,8 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
     """Write one point of the path."""
     figures, nodal = fields.figures(point.state), fields.nodal(point.state)
     restart = {
-        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "step": point.step,
+        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
+        "step": point.step,
         "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
         "iterations": point.state.iterations, "signature": dataclasses.asdict(point.signature),
     }  # fmt: skip
@@ -273,6 +277,7 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             "stored_energy_mJ": figures.stored_energy * 1e3,
             "requested": int(point.requested),
             "limit": int(point.limit),
+            "jump": int(point.jump),
             "bifurcation": int(point.bifurcation),
             "stable_under_pressure": int(point.stable_under_pressure),
             "stable_under_volume": int(point.stable_under_volume),
