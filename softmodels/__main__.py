@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from softmodels import commandline
+from softmodels import commandline, limit_command
 from softmodels.case import Case
 from softmodels.curve_command import curve
 from softmodels.demo import demo
@@ -20,6 +20,7 @@ def softmodels() -> None:
     \b
     python -m softmodels.disk --help    the disk actuator
     softmodels run case.toml            repeat a run from its case file
+    softmodels limit --help             how much pressure a design can bear
     softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
@@ -32,7 +33,7 @@ def softmodels() -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @commandline.run_options
 def run_file(
-    file: Path, output: Path | None, resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...]
+    file: Path, output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...]
 ) -> None:
     """Run a case FILE, such as the case.toml in a folder of results.
 
@@ -47,7 +48,10 @@ def run_file(
     def folder() -> Path:
         return output or Path("results") / case[0].name
 
-    commandline.execute(read, folder, resume, quiet, no_pictures, petsc)
+    commandline.execute(read, folder, resume, quiet, no_pictures, petsc, branch)
+
+
+softmodels.add_command(limit_command.command)
 
 
 @softmodels.command("draw")

@@ -38,6 +38,7 @@ class Bordered:
         self.q, self.z = K.createVecRight(), K.createVecRight()
         self._r, self._y = K.createVecRight(), K.createVecRight()
         self.control = Control(0.0, 1.0, 0.0)
+        self.row: Any = None  # a force that takes q's place in the control's equation, where that is not of the volume
         self.compliance = 0.0
         self.factorisations = 0
         self._direct = PETSc.PC().create(K.comm)
@@ -45,6 +46,10 @@ class Bordered:
         self._direct.setOperators(K, K)
         self._direct.setType("cholesky")
         self._direct.setFactorSolverType("mumps")
+        self._direct.setFactorSetUpSolverType()
+        self._direct.getFactorMatrix().setMumpsIcntl(
+            13, 1
+        )  # the last front too counts its negative pivots, on all ranks
         self._direct.setFromOptions()
         size = (self.n + self.extra, PETSc.DETERMINE)
         self.mat = PETSc.Mat().createPython((size, size), context=self, comm=K.comm)
@@ -73,6 +78,14 @@ class Bordered:
         self.factorisations += 1
         self.refresh()
 
+    def solve(self, b: Any, x: Any) -> None:
+        """x = K^-1 b with the factorisation at hand."""
+        self._direct.apply(b, x)
+
+    def negatives(self) -> int:
+        """Negative eigenvalues of K as it was factorised: the number of negative pivots (Sylvester's law of inertia)."""
+        return int(self._direct.getFactorMatrix().getMumpsInfog(12))
+
     def refresh(self) -> None:
         """Take up a new q: z = K^-1 q with the factorisation at hand, and the compliance dV/dP = q . z."""
         self._direct.apply(self.q, self.z)
@@ -85,13 +98,14 @@ class Bordered:
         self._r.array_w[:] = body
         self.product(body, self._y.array_w)
         self._y.axpy(-dP, self.q)
-        self.join(y, self._y.array_r, self.control.volume * self.q.dot(self._r) + self.control.pressure * dP)
+        row = self.row or self.q
+        self.join(y, self._y.array_r, self.control.volume * row.dot(self._r) + self.control.pressure * dP)
 
     def apply(self, pc: Any, x: Any, y: Any) -> None:
         body, c = self.split(x)
         self._r.array_w[:] = body
         self._direct.apply(self._r, self._y)
-        a, b = self.control.volume, self.control.pressure
-        dP = (c - a * self.q.dot(self._y)) / (a * self.compliance + b)
+        a, b, row = self.control.volume, self.control.pressure, self.row or self.q
+        dP = (c - a * row.dot(self._y)) / (a * (row.dot(self.z) if self.row else self.compliance) + b)
         self._y.axpy(dP, self.z)
         self.join(y, self._y.array_r, dP)

@@ -14,9 +14,10 @@ from typing import Any
 from geometries import Actuator, GeometryError
 from geometries import table as geometry_table
 from measurement.units import WATER_DENSITY, UnitError, exact_text, pascal_per_cm, quantity
-from softmodels import material_table
+from softmodels import material_table, supply_table
 from softmodels.materials import Material, MaterialError
 from softmodels.sheet import Sheet
+from softmodels.supply import SupplyError, Syringe
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
 FORMULATIONS = ("mixed", "displacement")
@@ -46,6 +47,9 @@ class Case:
         control: What the path follows.
         formulation: ``mixed`` or ``displacement``.
         sheet: A thin sheet bonded to a face of the device.
+        strokes_ml: Requested strokes of the syringe in ml, rising; empty unless there is one.
+        supply: The syringe, or None where pressure or volume are imposed.
+        cycle: Whether the pressure is lowered again through the same values, and the device jumps at limit points.
     """
 
     name: str
@@ -57,12 +61,36 @@ class Case:
     control: str = "auto"
     formulation: str = "mixed"
     sheet: Sheet | None = None
+    strokes_ml: tuple[float, ...] = ()
+    supply: Syringe | None = None
+    cycle: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
             raise CaseError(f"name {self.name!r} cannot name files; use letters, digits, '_', '-', '+' and '.'")
-        if bool(self.pressures_cm) == bool(self.volumes_ml):
-            raise CaseError("request either pressures (--pressure-cm) or added volumes (--volume-ml), one of the two")
+        if sum(map(bool, (self.pressures_cm, self.volumes_ml, self.strokes_ml))) != 1:
+            raise CaseError(
+                "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
+                "(--supply syringe --stroke-ml), one of these"
+            )
+        if self.cycle and not self.pressures_cm:
+            raise CaseError("--cycle raises and lowers a pressure; give --pressure-cm with it")
+        if self.cycle and self.control != "auto":
+            raise CaseError("--cycle chooses by itself what it follows; leave out --control")
+        if bool(self.strokes_ml) != (self.supply is not None):
+            raise CaseError("a syringe (--supply syringe) and its strokes (--stroke-ml) belong together")
+        if self.supply is not None:
+            if self.strokes_ml[-1] * 1e-6 > self.supply.syringe * (1 + 1e-9):
+                raise CaseError(
+                    f"a stroke of {self.strokes_ml[-1]:g} ml is more than the syringe holds, "
+                    f"{self.supply.syringe * 1e6:g} ml; take a larger one (--syringe)"
+                )
+            if self.supply.leak * self.supply.gas_at_rest(self.actuator.cavity_volume) >= 1:
+                raise CaseError(
+                    "the leak loses all gas before the cavity is filled; --leak-per-ml is a share such as 0.005"
+                )
+            if self.control not in ("auto", "arc-length"):
+                raise CaseError("strokes are followed under --control auto or arc-length")
         if self.control not in CONTROLS:
             raise CaseError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
         if self.volumes_ml and self.control == "pressure":
@@ -112,26 +140,46 @@ class Case:
 
     @property
     def goals(self) -> tuple[float, ...]:
-        """Requested pressures in Pa or added volumes in m3."""
-        return tuple(p * self.cm for p in self.pressures_cm) or tuple(v * 1e-6 for v in self.volumes_ml)
+        """Requested pressures in Pa, added volumes or strokes in m3."""
+        return tuple(p * self.cm for p in self.pressures_cm) or tuple(v * 1e-6 for v in self.values)
+
+    @property
+    def quantity(self) -> str:
+        """What is requested: ``"pressure"``, ``"volume"`` or ``"stroke"``."""
+        return "pressure" if self.pressures_cm else "volume" if self.volumes_ml else "stroke"
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Requested values in `unit`."""
+        return self.pressures_cm or self.volumes_ml or self.strokes_ml
+
+    @property
+    def column(self) -> str:
+        """Column of ``path.csv`` that holds what is requested."""
+        return {"pressure": "pressure_cm", "volume": "added_volume_ml", "stroke": "stroke_ml"}[self.quantity]
+
+    @property
+    def unit(self) -> str:
+        return "cm" if self.pressures_cm else "ml"
 
     def to_toml(self) -> str:
         """Text of a case file that repeats this case exactly."""
         import tomli_w
 
-        load: dict[str, Any] = (
-            {"pressure_cm": list(self.pressures_cm)} if self.pressures_cm else {"volume_ml": list(self.volumes_ml)}
-        )
+        key = {"pressure": "pressure_cm", "volume": "volume_ml", "stroke": "stroke_ml"}[self.quantity]
+        load: dict[str, Any] = {key: list(self.values)}
         load["water_density"] = exact_text(self.water_density, "kg/m^3")
-        tables = {
+        tables: dict[str, Any] = {
             "name": self.name,
             "geometry": geometry_table.to_table(self.actuator),
             "material": material_table.to_table(self.material),
-            "load": {**load, "control": self.control},
+            "load": {**load, "control": self.control, **({"cycle": True} if self.cycle else {})},
             "solver": {"formulation": self.formulation},
         }
         if self.sheet is not None:
             tables["sheet"] = {"face": self.sheet.face, "stiffness": exact_text(self.sheet.stiffness, "N/m")}
+        if self.supply is not None:
+            tables["supply"] = supply_table.to_table(self.supply)
         return tomli_w.dumps(tables)
 
     @classmethod
@@ -149,12 +197,12 @@ class Case:
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise CaseError(f"not valid TOML: {error}") from None
-        _known(tables, "the case", ("name", "geometry", "material", "load", "solver", "sheet"))
-        for table in ("geometry", "material", "load", "solver", "sheet"):
+        _known(tables, "the case", ("name", "geometry", "material", "load", "solver", "sheet", "supply"))
+        for table in ("geometry", "material", "load", "solver", "sheet", "supply"):
             if not isinstance(tables.get(table, {}), dict):
                 raise CaseError(f"{table} is {tables[table]!r}; it must be a table, which begins with a line [{table}]")
         load, solver = tables.get("load", {}), tables.get("solver", {})
-        _known(load, "[load]", ("pressure_cm", "volume_ml", "water_density", "control"))
+        _known(load, "[load]", ("pressure_cm", "volume_ml", "stroke_ml", "water_density", "control", "cycle"))
         _known(solver, "[solver]", ("formulation",))
         for table in ("geometry", "load"):
             if table not in tables:
@@ -173,8 +221,11 @@ class Case:
                 control=load.get("control", "auto"),
                 formulation=solver.get("formulation", "mixed"),
                 sheet=_sheet(tables["sheet"]) if "sheet" in tables else None,
+                cycle=_flag(load.get("cycle", False)),
+                strokes_ml=series(load.get("stroke_ml", ()), "stroke"),
+                supply=supply_table.from_table(tables["supply"]) if "supply" in tables else None,
             )
-        except (GeometryError, MaterialError) as error:
+        except (GeometryError, MaterialError, SupplyError) as error:
             raise CaseError(str(error)) from None
 
     @classmethod
@@ -220,6 +271,12 @@ def _found(geometry: dict[str, Any], folder: Path | None) -> dict[str, Any]:
     if not isinstance(file, str) or not file:
         return geometry
     return {**geometry, "file": str((folder or Path()).resolve() / file)}
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise CaseError(f"cycle is {value!r}; it must be true or false")
+    return value
 
 
 def _density(value: Any) -> float:

@@ -15,6 +15,7 @@ from softmodels.case import Case
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results import Results, write_text
 from softmodels.silicones import SILICONES, named, stretch_at_break
+from softmodels.stability_report import events, stability_text
 
 VOLUME_CHANGE = 0.1
 """Change of a cell's volume above which the user is told."""
@@ -22,7 +23,7 @@ VOLUME_CHANGE = 0.1
 
 def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
     """Why the path ended, where, and what can be done about it."""
-    asked = f"{case.pressures_cm[-1]:g} cm" if case.pressures_cm else f"{case.volumes_ml[-1]:g} ml"
+    asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
     if end.limit is None:
         return (
@@ -66,6 +67,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             results.finish()
             text = {
                 "status": status, "message": message, "steps": len(stored), "last": results.rows[-1],
+                "events": events(results.rows),
                 "stretch_at_break": stretch_at_break(case.material), "notes": stretch_notes(case, results.rows),
             }  # fmt: skip
             write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
@@ -97,6 +99,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
+        if told := stability_text(results.rows, case.actuator):
+            print(told)
         pictures = f"; pictures (*.png), film.gif and report.html, in {took:.1f} s" if took is not None else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status

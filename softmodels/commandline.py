@@ -18,6 +18,8 @@ from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series, she
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import MaterialError
 from softmodels.parallel import StartError, speaks
+from softmodels.supply import SupplyError
+from softmodels.supply_table import supply_from, supply_options
 
 HELP = """Inflate {what} and write its whole load path.
 
@@ -44,6 +46,8 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--no-pictures``, PETSc's words."""
     command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
     command = click.option("--no-pictures", is_flag=True, help="Leave pictures, film and report out.")(command)
+    text = "Follow the branch that leaves the path at its first bifurcation too, into the folder branch."
+    command = click.option("--branch", is_flag=True, help=text)(command)
     command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
     command = click.option("--resume", is_flag=True, help="Go on from where an interrupted run stopped.")(command)
     text = "Folder for the results; an earlier run's are replaced."
@@ -70,10 +74,11 @@ def device_command(
 
     def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
                 sheet: str | None, sheet_stiffness: float | None,
-                output: Path | None, resume: bool, quiet: bool, no_pictures: bool, petsc: tuple[str, ...],
+                output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...],
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
             law = {key: values.pop(key) for key in material_names()}
+            supply, stroke_ml, cycle = supply_from(values), values.pop("stroke_ml"), values.pop("cycle")
             named = values.pop("material")
             material = material_from(default if named is None else named, law)
             return Case(
@@ -82,9 +87,11 @@ def device_command(
                 volumes_ml=series(volume_ml, "volume") if volume_ml is not None else (),
                 water_density=water_density, control=control, formulation=formulation,
                 sheet=sheet_from(sheet, sheet_stiffness) if (sheet, sheet_stiffness) != (None, None) else None,
+                strokes_ml=series(stroke_ml, "stroke") if stroke_ml is not None else (), supply=supply,
+                cycle=cycle,
             )  # fmt: skip
 
-        execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc)
+        execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc, branch)
 
     what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
     command.__doc__ = HELP.format(what=what, pressures=pressures, module=module,
@@ -100,6 +107,11 @@ def device_command(
                         help=f"Bond a thin sheet to a face of the device: {', '.join(device.faces)}.")(made)  # fmt: skip
     text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
     made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
+    text = (
+        "Lower the pressure again through the same values; at limit points the device jumps, as under a water column."
+    )
+    made = click.option("--cycle", is_flag=True, help=text)(made)
+    made = supply_options(made)
     made = material_options(made, default)
     made = device_options(device)(made)
     made = click.option(
@@ -118,17 +130,18 @@ def execute(
     quiet: bool,
     no_pictures: bool,
     petsc: tuple[str, ...],
+    branch: bool = False,
 ) -> None:
     """Build a case, run it and exit with its status."""
     try:
         ready = case()
         _check_words(petsc)
-    except (CaseError, GeometryError, MaterialError) as error:
+    except (CaseError, GeometryError, MaterialError, SupplyError) as error:
         fail(str(error))
     from softmodels.running import run
 
     try:
-        status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures)
+        status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch)
     except StartError as error:
         fail(str(error))
     except ImportError as error:

@@ -1,13 +1,30 @@
-"""A control is a line in the plane of cavity pressure and volume.
+"""A control is a curve in the plane of cavity pressure and volume, most often a line.
 
 The pressure P is an unknown of every solve. Its equation is ``volume * V + pressure * P = target``: pressure control,
-volume control and arc length are three pairs of numbers, and pass limit points through one and the same solver.
+volume control and arc length are three pairs of numbers, and pass limit points through one and the same solver. A gas law
+(`softmodels.supply`) is a function of V and P instead, of which Newton's method takes the tangent.
 All figures are dimensionless (P in shear moduli, V in cubed sizes of the device).
 """
 
 from __future__ import annotations
 
 import dataclasses
+from typing import Protocol
+
+
+class Curve(Protocol):
+    """What a control offers: its left side, that side's slopes, and the tangent line that they make."""
+
+    @property
+    def target(self) -> float: ...
+    @property
+    def needs_volume(self) -> bool: ...
+    @property
+    def weight(self) -> float: ...
+    def value(self, V: float, P: float) -> float: ...
+    def slopes(self, V: float, P: float) -> tuple[float, float]: ...
+    def line(self, V: float, P: float) -> Control: ...
+    def at(self, target: float) -> Curve: ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,6 +38,23 @@ class Control:
     def value(self, V: float, P: float) -> float:
         """Left side of the line's equation at a state."""
         return self.volume * V + self.pressure * P
+
+    @property
+    def weight(self) -> float:
+        """Factor of the equation's error in Newton's method."""
+        return 1.0
+
+    @property
+    def needs_volume(self) -> bool:
+        return self.volume != 0.0
+
+    def slopes(self, V: float, P: float) -> tuple[float, float]:
+        """Slopes of the left side to V and P, the same everywhere."""
+        return self.volume, self.pressure
+
+    def line(self, V: float, P: float) -> Control:
+        """The tangent: the line itself."""
+        return self
 
     def at(self, target: float) -> Control:
         """The parallel line with another target."""

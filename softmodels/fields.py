@@ -136,6 +136,10 @@ class Fields:
         u = state.w[self.skew[: self.grid.owned]] @ eq.body.skew_inverse.T * eq.length_unit
         return u if self.grid.dimension == 3 else np.column_stack([u[:, 0], np.zeros(len(u)), u[:, 1]])
 
+    def shape(self, w: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
+        """Displacement of dofs such as a mode's over the grid's nodes in device coordinates, (n, 3) in m, on rank 0."""
+        return self.grid.collect(self._displacement(State(w, 0.0, 0.0)))  # type: ignore[no-any-return]
+
     def figures(self, state: State) -> Figures:
         """Key figures of a state."""
         eq = self.equilibrium

@@ -14,10 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from softmodels.controls import Control, arc_length, pressure_control, volume_control
+from softmodels.controls import Control, Curve, arc_length, pressure_control, volume_control
+from softmodels.critical_points import events
 from softmodels.equilibrium import TANGENT_TOLERANCE, Equilibrium, NoConvergence, State, Tangent
+from softmodels.stability import Signature, Stability
+from softmodels.supply import Stroke
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
+QUANTITIES = ("pressure", "volume", "stroke")
 QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
 GROWTH = 1.7
 SOFTENING = 4.0  # growth of dV/dP over its least value at which `auto` leaves the pressure for the volume
@@ -40,6 +44,9 @@ class Point:
         factorised: Whether the tangent matrix was factorised at this state (a restart has to do the same).
         age: How far the kept factorisation has aged here, in iterations of the linear solver.
         stiffest: Least |dV/dP| on the path so far.
+        signature: Number of falling directions and lowest eigenvalue.
+        mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1; else None.
+        jump: Whether the device has jumped here from the state before.
     """
 
     state: State
@@ -51,6 +58,22 @@ class Point:
     factorised: bool
     age: int
     stiffest: float
+    signature: Signature = dataclasses.field(default_factory=Signature)
+    mode: Any = None
+    jump: bool = False
+
+    @property
+    def bifurcation(self) -> bool:
+        return self.mode is not None
+
+    @property
+    def stable_under_pressure(self) -> bool:
+        return self.signature.excess == 0
+
+    @property
+    def stable_under_volume(self) -> bool:
+        """Whether no direction that keeps the cavity's volume lowers the energy."""
+        return self.signature.excess == int(self.tangent.compliance < 0)
 
 
 class PathEnd(Exception):
@@ -68,21 +91,29 @@ class Path:
     Args:
         equilibrium: The device.
         control: One of `CONTROLS`.
-        quantity: What the requested values are: ``"pressure"`` or ``"volume"`` (added volume), dimensionless.
+        quantity: What the requested values are: ``"pressure"``, ``"volume"`` (added volume) or ``"stroke"`` (of a
+            syringe, a volume), dimensionless.
         largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
+        supply: The syringe's gas law, where strokes are requested.
+        farthest: Cavity volumes at which a path to a pressure is given up.
     """
 
     equilibrium: Equilibrium
     control: str = "auto"
     quantity: str = "pressure"
     largest_step: float = math.inf
+    supply: Stroke | None = None
+    farthest: float = FARTHEST
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
+        if self.quantity not in QUANTITIES or (self.quantity == "stroke") != (self.supply is not None):
+            raise ValueError(f"quantity {self.quantity!r} is not one of {', '.join(QUANTITIES)}, or has no supply")
         self.points: list[Point] = []
         self.line = {"auto": self.quantity}.get(self.control, self.control)
         self.report: Callable[[str], None] = lambda text: None
+        self.stability = Stability.of(self.equilibrium)
 
     # -- scales, from the undeformed device ---------------------------------------------------------------------------
 
@@ -95,8 +126,14 @@ class Path:
         tangent = eq.tangent(rest, Control(1 / self.V0, 1.0, 0.0))
         self.P_scale = self.V0 / tangent.compliance
         self.first_steps = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0, "arc-length": 0.1}
-        step = self.first_steps[self.line]
-        return self.keep(Point(rest, tangent, False, False, step, self.line, True, eq.age, abs(tangent.compliance)))
+        if self.supply is not None:
+            a, b = self.supply.slopes(self.V0, 0.0)
+            self.first_steps["stroke"] = 0.1 * (a * self.V0 + b * self.P_scale)
+        step, stiffest = self.first_steps[self.line], abs(tangent.compliance)
+        self.stability.start()
+        self.stability.settle()
+        signature = self.stability.signature(exact=True)
+        return self.keep(Point(rest, tangent, False, False, step, self.line, True, eq.age, stiffest, signature))
 
     def resume(self, points: Sequence[Point]) -> None:
         """Go on from the last points of an earlier trace: same predictor, same factorisation, same numbers."""
@@ -105,6 +142,7 @@ class Path:
         for point in points:
             if point.factorised:
                 self.equilibrium.factorise(point.state)
+                self.stability.settle()
             self.keep(dataclasses.replace(point, tangent=self.tangent(point.state)))
         self.line, self.equilibrium.age = points[-1].line, points[-1].age
 
@@ -118,10 +156,14 @@ class Path:
 
     def value(self, state: State) -> float:
         """The requested quantity at a state."""
+        if self.supply is not None:
+            return self.supply.value(state.V, state.P)
         return state.P if self.quantity == "pressure" else state.V - self.V0
 
-    def target(self, value: float) -> Control:
-        """The line on which the requested quantity has this value."""
+    def target(self, value: float) -> Curve:
+        """The curve on which the requested quantity has this value."""
+        if self.supply is not None:
+            return self.supply.at(value)
         return pressure_control(value) if self.quantity == "pressure" else volume_control(value + self.V0)
 
     # -- one step -----------------------------------------------------------------------------------------------------
@@ -135,16 +177,18 @@ class Path:
             line = Control(1 / self.V0, 1.0, 0.0)
         return self.equilibrium.tangent(state, line, tolerance)
 
-    def ahead(self, step: float) -> Control:
-        """The line that lies ``step`` ahead of the last point, for what the path is following."""
+    def ahead(self, step: float) -> Curve:
+        """The curve that lies ``step`` ahead of the last point, for what the path is following."""
         s, t = self.last.state, self.last.tangent
+        if self.line == "stroke":
+            return self.target(self.value(s) + step)
         if self.line == "pressure":
             return pressure_control(s.P + step)
         if self.line == "volume":
             return volume_control(s.V + step)
         return arc_length(s.V, s.P, t.V, t.P, step, self.V0, self.P_scale)
 
-    def solve(self, line: Control, around: Sequence[Point]) -> State:
+    def solve(self, line: Curve, around: Sequence[Point]) -> State:
         """The state on a line, guessed by the cubic through one or two points and their tangents."""
         w, P = predict(around, line)
         return self.equilibrium.solve(line, w, P)
@@ -152,12 +196,21 @@ class Path:
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
         eq = self.equilibrium
         stale = eq.stale
+        # At a limit point K is singular: no preconditioner to go on with, and a signature of rounding errors.
+        stale = (stale or self.stability.wants(state)) and not (limit and eq.system.factorisations)
         if stale:
             eq.factorise(state)
         tangent = self.tangent(state)
+        before = self.last.tangent
+        turned = before.P * tangent.P < 0 or before.V * tangent.V < 0
+        if (turned or self.last.signature.excess) and not stale and not limit:
+            stale = True
+            eq.factorise(state)
         step = self.last.step if step is None else step
         stiffest = min(self.last.stiffest, abs(tangent.compliance))
-        return Point(state, tangent, requested, limit, step, self.line, stale, eq.age, stiffest)
+        excess = self.last.signature.excess
+        signature = Signature(excess, 0.0) if limit else self.stability.signature(stale, excess)
+        return Point(state, tangent, requested, limit, step, self.line, stale, eq.age, stiffest, signature)
 
     def advance(self, step: float, goal: float) -> Point:
         """One step towards the requested value ``goal``; shortened until it succeeds.
@@ -212,11 +265,18 @@ class Path:
         """Whether a limit point ends the path: a pressure above it has no state, a volume has one."""
         return self.control == "auto" and self.quantity == "pressure" and limit.limit
 
+    def rate(self, quantity: str) -> float:
+        """How fast a quantity changes along the last point's tangent."""
+        s, t = self.last.state, self.last.tangent
+        if quantity == "stroke":
+            assert self.supply is not None
+            a, b = self.supply.slopes(s.V, s.P)
+            return a * t.V + b * t.P
+        return {"pressure": t.P, "volume": t.V}.get(quantity, math.hypot(t.V / self.V0, t.P / self.P_scale))
+
     def longest(self) -> float:
         """The longest step allowed, in units of what the path is following."""
-        t = self.last.tangent
-        per = t.P if self.quantity == "pressure" else t.V
-        along = {"pressure": t.P, "volume": t.V, "arc-length": math.hypot(t.V / self.V0, t.P / self.P_scale)}[self.line]
+        per, along = self.rate(self.quantity), self.rate(self.line)
         return self.largest_step * abs(along / per) if per else math.inf
 
     def follow(self, line: str) -> None:
@@ -224,13 +284,7 @@ class Path:
         if line == self.line:
             return
         self.report(f"following the {line} from here")
-        t = self.last.tangent
-        per = {
-            "pressure": lambda: t.P,
-            "volume": lambda: t.V,
-            "arc-length": lambda: math.hypot(t.V / self.V0, t.P / self.P_scale),
-        }
-        step = abs(self.last.step * per[line]() / per[self.line]())
+        step = abs(self.last.step * self.rate(line) / self.rate(self.line))
         if line == "volume":
             step = min(step, 0.2 * self.last.state.V)
         self.line = line
@@ -247,6 +301,32 @@ class Path:
         except NoConvergence:
             state = self._bisect(before, after, lambda p: self.value(p.state) - value)
         return self.point(state, requested=True)
+
+    def on_the_way(self, before: Point, after: Point, share: float) -> Point:
+        """A point between two, ``share`` of the way in volume."""
+        a, b = before.state, after.state
+        state = self.solve(volume_control(a.V + share * (b.V - a.V)), (before, after))
+        return dataclasses.replace(after, state=state, tangent=self.tangent(state), requested=False)
+
+    def in_between(self, before: Point, after: Point, share: float) -> Point:
+        """A point between two close ones, interpolated and not solved for."""
+        a, b = before.state, after.state
+        line = volume_control(a.V + share * (b.V - a.V))
+        w, P = predict((before, after), line)
+        v, r = before.tangent, after.tangent
+        tangent = Tangent(
+            (1 - share) * v.w + share * r.w, (1 - share) * v.P + share * r.P, (1 - share) * v.V + share * r.V
+        )
+        return dataclasses.replace(after, state=State(w, P, line.target), tangent=tangent)
+
+    def middle(self, before: Point, after: Point) -> Point:
+        """The point half way between two, with its signature."""
+        state = self.on_the_way(before, after, 0.5).state
+        self.equilibrium.factorise(state)
+        return dataclasses.replace(
+            after, state=state, tangent=self.tangent(state), requested=False, limit=False,
+            signature=self.stability.signature(exact=True),
+        )  # fmt: skip
 
     def limit(self, before: Point, after: Point) -> Point:
         """The limit point of the pressure between two points, to about 1e-10 of the pressure."""
@@ -275,15 +355,17 @@ class Path:
         return best.state
 
 
-def predict(points: Sequence[Point], line: Control) -> tuple[Any, float]:
+def predict(points: Sequence[Point], line: Curve) -> tuple[Any, float]:
     """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
 
     The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.
     """
-    d, w, P, dw, dP = [], [], [], [], []
+    d, w, P, dw, dP, rates = [], [], [], [], [], []
     for point in points:
         s, t = point.state, point.tangent
-        rate = line.value(t.V, t.P)
+        a, b = line.slopes(s.V, s.P)
+        rate = a * t.V + b * t.P
+        rates.append(rate)
         if rate == 0.0:
             raise NoConvergence("the path runs along the control's line")
         d.append(line.value(s.V, s.P))
@@ -291,11 +373,7 @@ def predict(points: Sequence[Point], line: Control) -> tuple[Any, float]:
         P.append(s.P)
         dw.append(t.w / rate)
         dP.append(t.P / rate)
-    rates_agree = (
-        len(points) == 2
-        and line.value(points[0].tangent.V, points[0].tangent.P) * line.value(points[1].tangent.V, points[1].tangent.P)
-        > 0
-    )
+    rates_agree = len(points) == 2 and rates[0] * rates[1] > 0
     h = d[-1] - d[0]
     if not rates_agree or h == 0.0 or abs(line.target - d[-1]) > 3 * abs(h):
         ahead = line.target - d[-1]
@@ -347,8 +425,7 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         except PathEnd as end:
             raise PathEnd(str(end), met) from end
         passed = before
-        turned = before.tangent.P * after.tangent.P < 0
-        for stop in [path.limit(before, after), after] if turned else [after]:
+        for stop in [*events(path, before, after), after]:
             # On its own line the path stops at a goal by itself; on another it has to look back for those it passed.
             while path.line != path.quantity and path.value(passed.state) < left[0] <= path.value(stop.state):
                 passed = path.keep(path.between(passed, stop, left[0]))
@@ -368,5 +445,5 @@ def _check_end(path: Path, met: Point | None) -> None:
     added = path.last.state.V - path.V0
     if met is not None and path.ends_past(met) and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
         raise PathEnd("the pressure has a limit point", met)
-    if path.quantity == "pressure" and added > FARTHEST * path.V0:
-        raise PathEnd(f"the cavity has grown {FARTHEST:g} times and the requested value was not met", met)
+    if path.quantity == "pressure" and added > path.farthest * path.V0:
+        raise PathEnd(f"the cavity has grown {path.farthest:g} times and the requested value was not met", met)

@@ -96,6 +96,11 @@ def _sections(states: States, out: Folder) -> None:
     out.save("slice", sections.section_stress(points, moved, cells, values, states.rows[step], gauge))
     stretch, limit, hot = stills.hottest(states, step)
     title = stills.hot_title(states, limit)
+    if (at := states.bifurcation) is not None:
+        out.save(
+            "mode",
+            sections.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], gauge),
+        )
     out.save("hot-spots", sections.section_hot(moved, cells, hot, stretch, title, stills.peak_text(states, step)))
 
 
@@ -109,6 +114,8 @@ def _solids(shown: Look, out: Folder) -> None:
         if len(states.skin.planes):
             out.save("slice", stills.slice_stress(shown))
         out.save("hot-spots", stills.hot_spots(shown))
+        if states.bifurcation is not None:
+            out.save("mode", stills.mode(shown, states.bifurcation))
     images, camera, scale = stills.stress(shown)
     texts = {"Camera": camera.text, "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}"}
     for k, (step, image) in enumerate(images, 1):

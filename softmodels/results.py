@@ -206,7 +206,8 @@ class Results:
                 (points, 3),
                 f"{self.heavy.name}:/mesh/points",
             )
-            for name, kind in FIELDS.items():
+            extra = {"mode": "Vector"} if stored.row.get("bifurcation") else {}
+            for name, kind in {**FIELDS, **extra}.items():
                 attribute = ElementTree.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center="Node")
                 shape = (points, 3) if kind == "Vector" else (points,)
                 _item(attribute, shape, f"{stored.file}:{stored.group}/{name}")
@@ -227,6 +228,7 @@ PICTURES = (
     "profile",
     "mesh",
     "slice",
+    "mode",
     "undeformed",
     "cut",
     "hot-spots",

@@ -17,16 +17,17 @@ from softmodels.results import Results
 
 def check_same(case: Case, old: Case, folder: Path) -> None:
     """Refuse to go on from a run whose numbers would not be this case's."""
-    for field in ("name", "actuator", "material", "control", "formulation", "sheet", "water_density"):
+    for field in (
+        "name", "actuator", "material", "control", "formulation", "sheet", "water_density", "supply", "cycle",
+    ):  # fmt: skip
         if getattr(old, field) != getattr(case, field):
             raise RunError(
                 f"{folder} holds a run with another {field}; resume with its options, or run without --resume",
                 BAD_INPUT,
             )
-    if bool(old.pressures_cm) != bool(case.pressures_cm):
-        had = "pressures" if old.pressures_cm else "volumes"
+    if old.quantity != case.quantity:
         raise RunError(
-            f"{folder} holds a run to requested {had}; resume with those, or run without --resume", BAD_INPUT
+            f"{folder} holds a run to requested {old.quantity}s; resume with those, or run without --resume", BAD_INPUT
         )
 
 
@@ -35,19 +36,21 @@ def drop_between(case: Case, results: Results) -> None:
 
     They are found again, with that step. Going on from one of them would cut the path into other steps.
     """
-    quantity = "pressure" if case.pressures_cm else "volume"
+    quantity = case.quantity
     while results.stored:
         row = results.stored[-1].row
-        if not (row["limit"] or (row["requested"] and row["step"] and row["following"] != quantity)):
+        if not (
+            row["limit"] or row["bifurcation"] or (row["requested"] and row["step"] and row["following"] != quantity)
+        ):
             return
         results.stored.pop()
 
 
 def check_values(case: Case, results: Results) -> None:
     """Refuse requested values that the stored states have passed without stopping there."""
-    key, unit = ("pressure_cm", "cm") if case.pressures_cm else ("added_volume_ml", "ml")
+    key, unit = case.column, case.unit
     reached = max((row[key] for row in results.rows), default=0.0)
-    for value in case.pressures_cm or case.volumes_ml:
+    for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
             raise RunError(
                 f"{results.folder} holds a run that has passed {value:g} {unit} without stopping there; "
@@ -65,6 +68,7 @@ def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     """The points a trace goes on from: the first limit point, the last one factorised at, and the last two."""
     from softmodels.equilibrium import Tangent
     from softmodels.loading import Point
+    from softmodels.stability import Signature
 
     records = on_root(comm, lambda: [stored.restart for stored in results.stored])
     count = len(records)
@@ -73,6 +77,7 @@ def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     points = []
     for i in sorted({*limits, factorised, max(count - 2, 0), count - 1}):
         record = dict(records[i])
+        record["signature"] = Signature(**record["signature"])
         nodal = results.fields(i, ("displacement", "p")) if is_root(comm) else None
         state = dataclasses.replace(
             fields.state(nodal, record.pop("P"), record.pop("V")), iterations=record.pop("iterations")

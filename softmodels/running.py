@@ -7,12 +7,15 @@ value is not on the path (a limit point); 130 stopped by the user. Whatever happ
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import errno
 import os
 import signal
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
@@ -25,6 +28,7 @@ from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
 from softmodels.resuming import check_same, check_values, drop_between, stopped_at, stored_points
 from softmodels.silicones import stretch_at_break
+from softmodels.stability_report import unseen
 
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
@@ -33,7 +37,14 @@ STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
 def run(
-    case: Case, folder: Path, *, resume: bool = False, quiet: bool = False, petsc: Sequence[str] = (), draw: bool = True
+    case: Case,
+    folder: Path,
+    *,
+    resume: bool = False,
+    quiet: bool = False,
+    petsc: Sequence[str] = (),
+    draw: bool = True,
+    branch: bool = False,
 ) -> int:
     """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
 
@@ -44,6 +55,7 @@ def run(
         quiet: Only errors are said.
         petsc: Words for PETSc's option database.
         draw: Make the pictures at the end.
+        branch: Follow the branch that leaves the path at its first bifurcation too, into the folder ``branch``.
 
     Raises:
         StartError: PETSc cannot take the words.
@@ -53,14 +65,12 @@ def run(
     from petsc4py import PETSc
 
     results = Results(folder, case.name, case.actuator.gauge)
-    unit = "cm" if case.pressures_cm else "ml"
-    last = (case.pressures_cm or case.volumes_ml)[-1]
-    progress = Progress(last, unit, case.actuator.gauge, quiet or not is_root(comm))
+    progress = Progress(case.values[-1], case.unit, case.actuator.gauge, quiet or not is_root(comm))
     status, message = DONE, ""
     try:
         with progress, _interruptible() as stopped:
             kept = on_root(comm, lambda: _prepare(case, results, resume))
-            message = _follow(case, results, comm, progress, stopped, kept)
+            message = _follow(case, results, comm, progress, stopped, kept, branch)
     except RunError as error:
         status, message = error.status, str(error)
     except (MeshingError, CaseError, MaterialError, ResultsError) as error:
@@ -111,6 +121,8 @@ def _prepare(case: Case, results: Results, resume: bool) -> bool:
     folder, file = results.folder, results.folder / "case.toml"
     if resume and file.exists():
         check_same(case, Case.from_file(file), folder)
+        if case.cycle and results.heavy.exists():
+            raise RunError("a run with --cycle cannot be gone on with; run it without --resume", BAD_INPUT)
         if results.heavy.exists():
             results.load()
             drop_between(case, results)
@@ -126,9 +138,12 @@ def _prepare(case: Case, results: Results, resume: bool) -> bool:
     return False
 
 
-def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped: list[int], resumed: bool) -> str:
+def _follow(
+    case: Case, results: Results, comm: Any, progress: Progress, stopped: list[int], resumed: bool, branch: bool
+) -> str:
     """Solve, and write every step; returns the closing sentence."""
     from softmodels.body import Body, BodyError
+    from softmodels.dead_pressure import cycle
     from softmodels.equilibrium import Equilibrium, NoConvergence
     from softmodels.fields import Fields
     from softmodels.loading import Path as LoadPath
@@ -153,25 +168,30 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
     cells = body.mesh.topology.index_map(body.mesh.topology.dim).size_global
     progress.say(f"{cells} cells, {dofs} unknowns, {comm.size} rank{'s' if comm.size > 1 else ''}")
 
-    quantity = "pressure" if case.pressures_cm else "volume"
     scale = equilibrium.stress_unit if case.pressures_cm else equilibrium.volume_unit
     goals = [goal / scale for goal in case.goals]
-    path = LoadPath(equilibrium, case.control, quantity, goals[-1] / FEWEST_STEPS)
+    supply = None
+    if case.supply is not None:
+        cavity = equilibrium.rest().V * equilibrium.volume_unit
+        supply = case.supply.control(cavity, equilibrium.stress_unit, equilibrium.volume_unit)
+    path = LoadPath(equilibrium, case.control, case.quantity, goals[-1] / FEWEST_STEPS, supply)
     path.report = lambda text: progress.say(f"  {text}")
     begin: list[Any] = []
     if resumed:
-        key = "pressure_cm" if case.pressures_cm else "added_volume_ml"
-        values = case.pressures_cm or case.volumes_ml
-        left = on_root(comm, lambda: [not stopped_at(results, key, value) for value in values])
+        left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
         goals = [goal for goal, wanted in zip(goals, left, strict=True) if wanted]
         begin = stored_points(results, fields, comm)
         progress.say(f"going on from step {on_root(comm, lambda: len(results.stored) - 1)}")
     else:
         on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
+    bifurcations = []
     try:
-        for point in trace(path, goals, begin):
+        for point in cycle(path, goals) if case.cycle else trace(path, goals, begin):
             _keep(case, results, fields, comm, progress, point)
+            bifurcations += [point] if point.bifurcation else []
             _stop_if_asked(comm, stopped)
+        if branch:
+            _follow_branch(case, results, fields, comm, progress, path, bifurcations)
     except PathEnd as end:
         raise RunError(explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED) from end
     except NoConvergence as failure:  # at the first state or a limit point, where there is no step to shorten
@@ -182,9 +202,49 @@ def _follow(case: Case, results: Results, comm: Any, progress: Progress, stopped
     return ""
 
 
+def _follow_branch(
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, path: Any, bifurcations: list[Any]
+) -> None:
+    """Follow the branch at the first bifurcation into a folder of its own."""
+    from softmodels.branching import follow
+    from softmodels.loading import PathEnd
+
+    if not bifurcations:
+        hidden = unseen(case.actuator)
+        progress.say(f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}")
+        return
+    aside = Results(results.folder / "branch", case.name)
+    on_root(comm, aside.clear)
+    on_root(comm, lambda: write_text(aside.folder / "case.toml", case.to_toml()))
+    on_root(comm, lambda: aside.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
+    progress.say(f"following the branch from {bifurcations[0].state.P * path.equilibrium.stress_unit / case.cm:.4g} cm")
+    farthest = max(case.goals) / (path.equilibrium.stress_unit if case.pressures_cm else path.equilibrium.volume_unit)
+    try:
+        for point in follow(path, bifurcations[0], farthest=farthest):
+            _keep(case, aside, fields, comm, progress, point)
+    except PathEnd as end:
+        progress.say(f"the branch was followed no further: {end}")
+    on_root(comm, lambda: aside.finish() if aside.stored else None)
+
+
 def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
     if any_rank(comm, bool(stopped)):
         raise RunError("stopped by the user; go on with --resume", STOPPED)
+
+
+def _driven(case: Case, fields: Any, figures: Any) -> dict[str, float]:
+    """The syringe's columns of a row: its stroke, and what the gas has taken up."""
+    if case.supply is None:
+        return {}
+    eq = fields.equilibrium
+    cavity = fields.rest_volume * eq.volume_unit
+    curve = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
+    V, P = (cavity + figures.added_volume) / eq.volume_unit, figures.pressure / eq.stress_unit
+    stroke = curve.value(V, P) * eq.volume_unit
+    taken = {} if case.supply.leak else {
+        "gas_energy_mJ": case.supply.gas_energy(stroke, figures.added_volume, figures.pressure, cavity) * 1e3
+    }  # fmt: skip
+    return {"stroke_ml": stroke * 1e6, **taken}
 
 
 def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any) -> None:
@@ -192,10 +252,16 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
     figures, nodal = fields.figures(point.state), fields.nodal(point.state)
     limit = stretch_at_break(case.material)
     restart = {
-        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "step": point.step,
+        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
+        "step": point.step,
         "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
-        "iterations": point.state.iterations,
+        "iterations": point.state.iterations, "signature": dataclasses.asdict(point.signature),
     }  # fmt: skip
+    if point.bifurcation:
+        mode = fields.shape(point.mode)
+        nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
+
+    driven = _driven(case, fields, figures)
 
     def write() -> None:
         height = figures.pressure / case.cm
@@ -206,6 +272,7 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             "pressure_cm": height,
             "pressure_Pa": figures.pressure,
             "added_volume_ml": figures.added_volume * 1e6,
+            **driven,
             **{f"{name}_mm": rise * 1e3 for name, rise in figures.rises.items()},
             **figures.device,
             "max_displacement_mm": figures.max_displacement * 1e3,
@@ -219,9 +286,17 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             "stored_energy_mJ": figures.stored_energy * 1e3,
             "requested": int(point.requested),
             "limit": int(point.limit),
+            "jump": int(point.jump),
+            "bifurcation": int(point.bifurcation),
+            "stable_under_pressure": int(point.stable_under_pressure),
+            "stable_under_volume": int(point.stable_under_volume),
+            "falling_directions": point.signature.excess,
+            "lowest_eigenvalue_Pa_per_mm2": point.signature.lowest
+            * fields.equilibrium.stress_unit
+            / (fields.equilibrium.length_unit * 1e3) ** 2,
             "following": point.line,
         }
         results.add(row, nodal, restart)
-        progress.step(row, row["pressure_cm"] if case.pressures_cm else row["added_volume_ml"])
+        progress.step(row, row[case.column])
 
     on_root(comm, write)

@@ -11,7 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from softmodels.pages import COLOURS, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, Row, Scale, headline
+from softmodels.pages import COLOURS, CURVE, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, Row, Scale, headline
 from softmodels.triangles import Cells, edge_curves, fine_triangles, outline
 
 if TYPE_CHECKING:
@@ -80,6 +80,30 @@ def section_hot(
     height = figure.get_figheight()
     figure.text(0.5, 0.98 / height, note, ha="center", color=WARNING, fontsize=11)
     scale.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
+    return figure
+
+
+def section_mode(
+    points: Array, moved: Array, mode: Array, cells: Cells, row: Row, gauge: str, amount: float = 0.15
+) -> Figure:
+    """The half section at a bifurcation and the two shapes it can go on to.
+
+    Args:
+        points: Undeformed, in m, shape (n, 3) with y = 0.
+        moved: At the bifurcation, likewise.
+        mode: Its mode, largest component 1, shape (n, 3).
+        cells: Shape (c, 6).
+        row: The state's row of ``path.csv``.
+        gauge: What the device's rise is called.
+        amount: Largest displacement of the mode as drawn, in widths of the undeformed section.
+    """
+    before, after = points[:, ::2] * 1e3, moved[:, ::2] * 1e3
+    size = amount * np.ptp(before[:, 0])
+    shapes = [(after + sign * size * mode[:, ::2], colour) for sign, colour in ((1, WARNING), (-1, CURVE))]
+    figure, axes = _section(np.concatenate([before, *(shape for shape, _ in shapes)]), 0.0)
+    for shown, colour in ((before, FAINT), (after, INK), *shapes):
+        axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
+    axes.set_title(f"Bifurcation at {headline(row, gauge)}: the mode, either way (size at will)")
     return figure
 
 

@@ -69,6 +69,11 @@ class States:
         """The surface of the mesh."""
         return skin_of(self.points, self.cells, self.cell_name, self.actuator)
 
+    @property
+    def bifurcation(self) -> int | None:
+        """The first state at which another branch leaves the path; None if there is none."""
+        return next((step for step, row in enumerate(self.rows) if row.get("bifurcation")), None)
+
     def field(self, step: int, name: str) -> Array:
         """A nodal field of a state, shape (n,) or (n, 3), SI units."""
         return np.asarray(self._read(step, name))

@@ -82,6 +82,32 @@ def slice_stress(look: Look) -> Figure:
     return page(image, headline(states.rows[step], states.actuator.gauge), scale)
 
 
+def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
+    """The slice at a bifurcation with some of its mode added, over the edges of the slice without it.
+
+    Args:
+        look: The device.
+        step: The state at the bifurcation.
+        amount: Largest displacement of the mode as drawn, in sizes of the slice.
+    """
+    states, skin = look.states, look.states.skin
+    size = amount * np.ptp(states.points, axis=0).max()
+    before, moved = (
+        skin.points(states.moved(step) + share * size * states.field(step, "mode")) for share in (0.0, 1.0)
+    )
+    edges = np.concatenate([skin.edges, skin.rims])
+    camera = Camera.around([before, moved], towards_slice(states), look.up)
+    with studio(camera) as shoot:
+        image = shoot(
+            [
+                (surface(moved, skin.triangles, skin.normals(moved)), {"color": SOLID, "smooth_shading": True}),
+                (lines(moved, edges), {"color": INK, "line_width": 2.0}),
+                (lines(before, edges), {"color": FAINT, "line_width": 1.5}),
+            ]
+        )
+    return page(image, f"Bifurcation at {headline(states.rows[step], states.actuator.gauge)}: the mode (size at will)")
+
+
 def stress(look: Look) -> tuple[list[tuple[int, Image]], Camera, Scale]:
     """Von Mises stress on the deformed device at the shown states, seen by one camera in one colour scale.
 

@@ -31,28 +31,6 @@ LAWS = {
 laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 
 
-@pytest.fixture(scope="session")
-def tube_body():
-    """A body whose cavity is open at a plane that does not hold the origin, as that of a slice of a tube is.
-
-    The library's volume integral leaves out what the plane at the top would add. Between two planes square to z the
-    horizontal part of x alone gives the volume, div (x, y, 0) / 2 = 1, and the planes add nothing to it.
-    """
-    import ufl
-
-    from softmodels.body import Body
-
-    class TubeBody(Body):
-        def volume_integrand(self, w):
-            F, N = self.deformation_gradient(w), ufl.FacetNormal(self.mesh)
-            x = ufl.SpatialCoordinate(self.mesh) + self.displacement(w)
-            flat = ufl.as_vector([x[0], 0, 0] if self.axisymmetric else [x[0], x[1], 0])
-            N = ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
-            return -ufl.dot(flat, ufl.dot(ufl.cofac(F), N)) / 2 * self.hoop
-
-    return TubeBody
-
-
 def pressures_at(solved, equations, ratios):
     """Pressure in Pa at cavity volumes given as multiples of the undeformed one."""
     rest = equations.rest().V

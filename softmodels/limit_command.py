@@ -1,0 +1,199 @@
+"""``softmodels limit``: how much pressure a design can bear, by material, and how the workshop's tolerances scatter it."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from geometries import Actuator, GeometryError, HollowDisk, MeshingError
+from geometries.options import QuantityType, device_from, device_options
+from measurement.units import WATER_DENSITY, pascal_per_cm
+from softmodels.case import Case, CaseError
+from softmodels.commandline import fail
+from softmodels.limits import LARGEST_STRETCH, Limit, Tolerance, find_limit, samples, scatter
+from softmodels.material_table import material_from, material_names, material_options
+from softmodels.materials import Material, MaterialError
+from softmodels.parallel import abort_on_error, is_root, start
+from softmodels.results import write_text
+from softmodels.stability_report import unseen
+
+PERCENTILES = (5, 25, 50, 75, 95)
+
+
+def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], count: int, normal: bool,
+          water_density: float, output: Path | None, material: tuple[str, ...], **values: Any) -> None:  # fmt: skip
+    """Tell the largest pressure a device can bear, and where it is strained most there.
+
+    The device is that of a case FILE or of the options below (as a section, unless --section says otherwise); every
+    --material adds a row. With --vary the limit's scatter over fabrication tolerances is added.
+
+    \b
+    Examples:
+      softmodels limit results/disk/case.toml
+      softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-cm 20
+      softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary wall=5mm+-0.3mm
+    """
+    try:
+        device, materials = _asked(file, material, values)
+        tolerances = [Tolerance.parse(text, type(device)) for text in vary]
+        if working_cm is not None and not working_cm > 0:
+            raise CaseError(f"--working-cm {working_cm:g}: the working pressure must be above zero")
+    except (CaseError, GeometryError, MaterialError) as error:
+        fail(str(error))
+    comm = start()
+    abort_on_error(comm)
+    cm = pascal_per_cm(water_density)
+    spread: list[Any] = []
+    try:
+        limits = find_limit(device, list(materials.values()), comm)
+        first = next(iter(materials.values()))
+        if tolerances:
+            spread = scatter(device, first, tolerances, samples(tolerances, count, normal), comm)
+    except CaseError as error:
+        fail(str(error))
+    except MeshingError as error:
+        fail(str(error), 1)
+    if not is_root(comm):
+        return
+    table = [_row(name, found, cm, working_cm) for name, found in zip(materials, limits, strict=True)]
+    for row, found in zip(table, limits, strict=True):
+        click.echo(_sentence(row, found, device))
+    if hidden := unseen(device):
+        click.echo(f"note: {hidden}")
+    if spread:
+        click.echo(_scatter_text(spread, cm, working_cm))
+    if output is not None or spread:
+        _write(output or Path("results") / "limit", table, spread, cm, working_cm, limits[0])
+
+
+def _asked(file: Path | None, names: Sequence[str], values: dict[str, Any]) -> tuple[Actuator, dict[str, Material]]:
+    law = {key: values.pop(key) for key in material_names()}
+    given = any(value is not None for value in law.values())
+    if file is not None:
+        case = Case.from_file(file)
+        device, default = case.actuator, case.material
+        changes = {key: value for key, value in values.items() if value is not None and key != "variant"}
+        unknown = changes.keys() - {field.name for field in dataclasses.fields(device)}
+        if values.get("variant") or unknown:
+            raise CaseError(f"{file} names the device already; leave out --variant and options of other devices")
+        device = dataclasses.replace(device, **changes)
+        if not names and not given:
+            return device, {default.name: default}
+    else:
+        if values.get("section") is None:
+            values["section"] = "axisymmetric"
+        device = device_from(HollowDisk, values)
+    if len(names) > 1 and given:
+        raise CaseError("parameters such as --shear-modulus belong to one --material; several are compared as they are")
+    if not names:
+        made = material_from(None, law)
+        return device, {made.name: made}
+    return device, {name: material_from(name, law) for name in names}
+
+
+def _row(name: str, found: Limit, cm: float, working_cm: float | None) -> dict[str, Any]:
+    row = {
+        "material": name, "kind": found.kind, "limit_cm": found.pressure / cm, "limit_Pa": found.pressure,
+        "added_volume_ml": found.added_volume * 1e6, **{f"{k}_mm": v * 1e3 for k, v in found.rises.items()},
+        "max_stretch": found.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", found.place, strict=True)},
+    }  # fmt: skip
+    return row if working_cm is None else {**row, "margin": found.pressure / cm / working_cm}
+
+
+def _sentence(row: dict[str, Any], found: Limit, device: Actuator) -> str:
+    radius = float(np.hypot(found.place[0], found.place[1])) * 1e3
+    place = f"largest stretch {found.stretch:.3g}, {radius:.3g} mm from the axis at height {row['z_mm']:.3g} mm"
+    rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in found.rises.items())
+    state = f"{rises}, {row['added_volume_ml']:+.4g} ml; {place}"
+    at = f"{row['limit_cm']:.4g} cm ({row['limit_Pa'] / 1e3:.4g} kPa)"
+    what = {
+        "limit": f"limit pressure {at}: {state}",
+        "bifurcation": f"leaves its shape (bifurcation) at {at}: {state}",
+        "none": f"no limit up to a stretch of {LARGEST_STRETCH:g}, which it reaches at {at}: {state}",
+        "lost": f"no limit up to {at}, where the path was lost ({found.why}): {state}",
+    }[found.kind]
+    text = f"{row['material']}: {what}"
+    if "margin" in row:
+        verdict = "above" if row["margin"] > 1 else "BELOW"
+        text += f"; {row['margin']:.2f} times the working pressure, {verdict} it"
+    return text
+
+
+def _scatter_text(spread: list[Any], cm: float, working_cm: float | None) -> str:
+    pressures = np.array([found.pressure / cm for _, found in spread if found.found])
+    without = len(spread) - len(pressures)
+    if not len(pressures):
+        return f"none of the {len(spread)} devices within the tolerances has a limit"
+    quantiles = np.percentile(pressures, PERCENTILES)
+    text = f"{len(spread)} devices within the tolerances: limit " + ", ".join(
+        f"{q:.4g} cm ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
+    )
+    text += f"; lowest {pressures.min():.4g} cm, highest {pressures.max():.4g} cm"
+    if without:
+        text += f"; {without} have none or were not followed to it"
+    names = list(spread[0][0])
+    logs = np.log([[changes[name] for name in names] for changes, found in spread if found.found])
+    if len(pressures) > len(names) + 1:  # all parameters at once: one alone would take the others' scatter for its own
+        slopes = np.linalg.lstsq(logs - logs.mean(axis=0), np.log(pressures / pressures.mean()), rcond=None)[0]
+        for name, slope in zip(names, slopes, strict=True):
+            text += f"\n  {name.replace('_', ' ')}: one percent more changes the limit by about {slope:+.2g} %"
+    if working_cm is not None:
+        text += f"\n  {np.mean(pressures < working_cm) * 100:.3g} % lie below the working pressure"
+    return text
+
+
+def _write(
+    folder: Path, table: list[dict[str, Any]], spread: list[Any], cm: float, working_cm: float | None, nominal: Limit
+) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
+    _csv(folder / "limit.csv", table)
+    if spread:
+        rows = [{**changes, **_row("", found, cm, working_cm)} for changes, found in spread]
+        _csv(folder / "scatter.csv", rows)
+        from softmodels.limit_plots import scatter_figure
+
+        pressures = [(changes, found.pressure / cm) for changes, found in spread if found.found]
+        if pressures:
+            scatter_figure(pressures, nominal.pressure / cm, working_cm).savefig(folder / "scatter.png")
+    click.echo(f"tables in {folder}")
+
+
+def _csv(path: Path, rows: list[dict[str, Any]]) -> None:
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(path, text.getvalue())
+
+
+def _command() -> click.Command:
+    made: Any = material_options(limit)
+    made = device_options(HollowDisk)(made)
+    text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
+    made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
+    made = click.option("--output", type=click.Path(path_type=Path), help="Folder for tables and picture.")(made)
+    made = click.option("--normal", is_flag=True, help="Tolerances are two standard deviations; else all in them are as "
+                        "likely.")(made)  # fmt: skip
+    made = click.option("--samples", "count", type=click.IntRange(2, 4096), default=32, show_default=True,
+                        help="Devices within the tolerances.")(made)  # fmt: skip
+    made = click.option("--vary", multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
+                        "membrane=2mm+-0.2mm; may be repeated.")(made)  # fmt: skip
+    made = click.option("--working-cm", type=float, help="Working pressure in cm of water, for the margin.")(made)
+    made = click.argument("file", required=False, type=click.Path(path_type=Path))(made)
+    command = click.command(name="limit", context_settings={"help_option_names": ["-h", "--help"]})(made)
+    for parameter in command.params:
+        if parameter.name == "material":  # one in a run; here as many as there are to compare
+            parameter.multiple = True
+    return command  # type: ignore[no-any-return]
+
+
+command = _command()

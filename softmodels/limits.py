@@ -1,0 +1,183 @@
+"""The limit of a design: the first pressure at which it loses its stability, and where it is strained most there.
+
+Asked of many designs at once, for a list of materials or for the scatter of a workshop, so nothing is written on the way.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator, GeometryError
+from measurement.units import UnitError, quantity
+from softmodels.case import STIFFNESS_RANGE, CaseError
+from softmodels.materials import Material
+from softmodels.parallel import on_root
+
+LARGEST_STRETCH = 5.0
+"""Stretch at which the search ends if nothing is met: silicones fail at 3 to 10, and their laws are mostly fitted to less."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """How far a design can be inflated; SI units.
+
+    Attributes:
+        kind: ``"limit"`` (the pressure has a maximum), ``"bifurcation"`` (it leaves its shape before that), ``"none"`` (the
+            stretch of `LARGEST_STRETCH` came first), or ``"lost"`` (the path could not be followed so far).
+        pressure: Pressure in Pa there; for ``"none"`` and ``"lost"`` the last one known to be stable.
+        added_volume: Volume in m3 taken by then.
+        rises: Rise of the probes in m.
+        stretch: Largest principal stretch.
+        place: Undeformed device coordinates in m of the node with the largest stretch.
+        why: What ended a lost path, else empty.
+    """
+
+    kind: str
+    pressure: float
+    added_volume: float
+    rises: dict[str, float]
+    stretch: float
+    place: tuple[float, float, float]
+    why: str = ""
+
+    @property
+    def found(self) -> bool:
+        return self.kind in ("limit", "bifurcation")
+
+
+def find_limit(actuator: Actuator, materials: Sequence[Material], comm: Any) -> list[Limit]:
+    """Limits of one device in several materials; it is meshed once.
+
+    Raises:
+        MeshingError, BodyError, MaterialError: As for a run.
+    """
+    from softmodels.body import Body
+    from softmodels.equilibrium import Equilibrium
+    from softmodels.fields import Fields
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(comm.bcast(folder)) / "device.msh"
+        on_root(comm, lambda: actuator.write(path))
+        body = Body.from_file(actuator, path, comm)
+        comm.barrier()
+    known: dict[Any, Any] = {}
+    found = []
+    for material in materials:
+        key = (type(material), len(getattr(material, "mu", ())))
+        if key not in known:
+            equations = Equilibrium(body, material)
+            known[key] = equations, Fields(equations)
+        equations, fields = known[key]
+        equations.set_material(material)
+        found.append(_search(equations, fields))
+    return found
+
+
+def _search(equations: Any, fields: Any) -> Limit:
+    from softmodels.equilibrium import NoConvergence
+    from softmodels.loading import Path as LoadPath
+    from softmodels.loading import PathEnd, trace
+
+    path = LoadPath(equations)
+    kind, why, last = "none", "", None
+    try:
+        for point in trace(path, [STIFFNESS_RANGE]):
+            last = point
+            if point.limit or point.bifurcation:
+                kind = "limit" if point.limit else "bifurcation"
+                break
+            if fields.figures(point.state).max_stretch > LARGEST_STRETCH:
+                break
+    except (PathEnd, NoConvergence) as end:
+        kind, why = "lost", str(end)
+    assert last is not None  # the state at rest is always there
+    figures, nodal = fields.figures(last.state), fields.nodal(last.state)
+
+    def place() -> tuple[float, float, float]:
+        return tuple(float(x) for x in fields.grid.points[int(np.argmax(nodal["largest_stretch"]))])  # type: ignore
+
+    return Limit(
+        kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
+        on_root(equations.comm, place), why,
+    )  # fmt: skip
+
+
+# -- the scatter of a workshop ----------------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class Tolerance:
+    """A parameter of the device and how far it may be off: ``middle`` plus or minus ``half``, in the parameter's unit."""
+
+    name: str
+    middle: float
+    half: float
+
+    @classmethod
+    def parse(cls, text: str, device: type[Actuator]) -> Tolerance:
+        """Read ``"membrane=2mm+-0.2mm"``; also ``+/-`` and the sign itself, and ``%`` of the middle.
+
+        Raises:
+            CaseError: Not of this form, an unknown parameter, or a wrong unit.
+        """
+        match = re.fullmatch(r"\s*([\w-]+)\s*=\s*(.+?)\s*(?:\+/?-|±)\s*(.+?)\s*", text)
+        if match is None:
+            raise CaseError(f"--vary {text!r} is not of the form membrane=2mm+-0.2mm")
+        name, middle, half = match[1].replace("-", "_"), match[2], match[3]
+        units = {f.name: f.metadata["unit"] for f in dataclasses.fields(device) if "choices" not in f.metadata}
+        if name not in units:
+            known = ", ".join(key.replace("_", "-") for key in units)
+            raise CaseError(f"--vary {text!r}: {device.__name__} has no parameter {match[1]!r} to vary; it has {known}")
+        try:
+            value = quantity(middle, units[name])
+            width = value * float(half[:-1]) / 100 if half.endswith("%") else quantity(half, units[name])
+        except (UnitError, ValueError) as error:
+            raise CaseError(f"--vary {text!r}: {error}") from None
+        if not 0.0 < width < value:
+            raise CaseError(f"--vary {text!r}: the tolerance must lie between zero and the value")
+        return cls(name, value, width)
+
+
+def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -> npt.NDArray[np.float64]:
+    """Quasi-random values of the parameters: Halton's sequence, scrambled with a fixed seed, so that a run repeats itself.
+
+    Args:
+        tolerances: The parameters.
+        count: How many devices.
+        normal: Take the half width as two standard deviations of a normal scatter; else all values in it are as likely.
+
+    Returns:
+        Shape (count, parameters).
+    """
+    from scipy.stats import norm, qmc
+
+    unit = qmc.Halton(len(tolerances), seed=2013).random(count)
+    spread = norm.ppf(unit) / 2 if normal else 2 * unit - 1
+    return np.array([t.middle for t in tolerances]) + spread * np.array([t.half for t in tolerances])
+
+
+def scatter(
+    actuator: Actuator, material: Material, tolerances: Sequence[Tolerance], values: npt.NDArray[np.float64], comm: Any
+) -> list[tuple[Mapping[str, float], Limit]]:
+    """The limit of each sampled device, with its parameters.
+
+    Raises:
+        CaseError: Tolerances that make no device.
+    """
+    found: list[tuple[Mapping[str, float], Limit]] = []
+    for row in values:
+        changes = {t.name: float(value) for t, value in zip(tolerances, row, strict=True)}
+        try:
+            device = dataclasses.replace(actuator, **changes)
+        except GeometryError as error:
+            raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
+        found.append((changes, find_limit(device, [material], comm)[0]))
+    return found

@@ -1,0 +1,240 @@
+"""Stability of states: the signature of the tangent, its lowest eigenvalues, and their modes.
+
+A state is stable under a given pressure where the tangent K is positive definite on the displacements, and under a given
+volume where it is so on those that keep the volume. Both follow from the inertia of the factorised K (Sylvester's law):
+
+* Mixed form: each of the n_p unknowns of p adds one negative pivot to a stable K, since eliminating them from the bottom
+  leaves the displacements' own stiffness (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5). What is beyond n_p is the
+  *excess*: the number of directions in which the energy falls.
+* Holding the volume takes one of them away where the compliance dV/dP = q.K^-1 q is negative.
+
+Eigenvalues are of K x = lambda M x with the displacement's mass matrix M (of unit density): they do not depend on the mesh's
+cells, and lambda / density is the square of a natural frequency. M has no entries for p, which is then slaved to u.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.equilibrium import Equilibrium, NoConvergence, State
+
+ALWAYS = 6000
+"""Unknowns up to which every point is factorised: it costs no more there than the iterations it saves."""
+NEAR = 0.4
+"""Share of the lowest eigenvalue at the last factorised point below which a larger system is factorised too."""
+SWEEPS = 3
+"""Inverse iterations per factorised point of a larger system; the vector is that of the point before, so few are enough."""
+MOST_SWEEPS, SETTLED = 40, 1e-11
+"""The same for small systems, which can afford to iterate until the eigenvalue stays."""
+LOOSE = 0.03
+"""Relative tolerance of the one inverse iteration where K is not factorised."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Signature:
+    """How a state stands.
+
+    Attributes:
+        excess: Directions in which the energy at a given pressure falls; 0 if stable.
+        lowest: Lowest eigenvalue, dimensionless (shear moduli over squared sizes).
+        exact: Whether K was factorised here. Else the excess is the last factorised point's, and the eigenvalue has kept
+            away from zero since.
+    """
+
+    excess: int = 0
+    lowest: float = 0.0
+    exact: bool = True
+
+
+class Stability:
+    """Signatures of an equilibrium's states. One per `Equilibrium`; see `of`."""
+
+    def __init__(self, equilibrium: Equilibrium):
+        import ufl
+        from dolfinx import fem
+        from dolfinx.fem import petsc as fem_petsc
+
+        eq = self.equilibrium = equilibrium
+        test, trial = ufl.TestFunction(eq.space), ufl.TrialFunction(eq.space)
+        u, v = (ufl.split(f)[0] if eq.mixed else f for f in (trial, test))
+        dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
+        mass = ufl.inner(eq.body.displacement(u), eq.body.displacement(v)) * eq.body.hoop * dx
+        form = fem.form(mass, jit_options={"cffi_extra_compile_args": ["-O2"]})
+        self.M = fem_petsc.assemble_matrix(form, bcs=eq.bcs, diag=0.0)
+        self.M.assemble()
+        self.unknowns = eq.K.getSize()[0]
+        self.constraints = 0
+        if eq.mixed:
+            collapsed, _ = eq.space.sub(1).collapse()
+            self.constraints = collapsed.dofmap.index_map.size_global
+        self.start()
+
+    @classmethod
+    def of(cls, equilibrium: Equilibrium) -> Stability:
+        """The one that belongs to an equilibrium, made at the first call."""
+        found = getattr(equilibrium, "_stability", None)
+        if found is None:
+            found = cls(equilibrium)
+            equilibrium._stability = found  # type: ignore[attr-defined]
+        return found
+
+    def start(self) -> None:
+        """Forget the tracked mode and begin with a shape that has a part of every mode, the same on any ranks."""
+        from dolfinx import fem
+
+        eq = self.equilibrium
+        seed, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
+
+        def rough(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+            waves = np.array([[1.7, 2.3, 2.9], [3.1, 1.3, 2.1], [2.7, 3.3, 1.9]])
+            return np.sin(waves[:d] @ x + 0.5) + 0.3 * np.sin(3.7 * waves[:d] @ x)
+
+        (seed.sub(0) if eq.mixed else seed).interpolate(rough)
+        for bc in eq.bcs:
+            bc.set(seed.x.array, alpha=0.0)
+        self.x, self.Mx, self.y = (self.M.createVecRight() for _ in range(3))
+        self.x.array_w[:] = seed.x.array[: eq.n]
+        self.reference = self.largest = self._guess = 0.0
+
+    # -- along a path -------------------------------------------------------------------------------------------------
+
+    def wants(self, state: State) -> bool:
+        """Whether the signature at this state needs a factorisation of its own."""
+        if self.unknowns <= ALWAYS or self.equilibrium.system.factorisations == 0:
+            return True
+        try:
+            self._guess = self._estimate(state)
+        except NoConvergence:
+            return True
+        return self._guess < NEAR * self.reference
+
+    def signature(self, exact: bool, excess: int = 0) -> Signature:
+        """Signature of the state that `wants` was asked of: of K as factorised there, or else with the excess known before."""
+        if not exact:
+            return Signature(excess, self._guess, exact=False)
+        lowest = self._sweep()
+        self.reference = abs(lowest)
+        self.largest = max(self.largest, self.reference)
+        return Signature(self.excess(), lowest)
+
+    def settle(self) -> None:
+        """Let the tracked mode converge at a state with no point before it; K is factorised there."""
+        for _ in range(3):
+            self._sweep()
+
+    def excess(self) -> int:
+        """Negative eigenvalues of the factorised K beyond those of a stable one."""
+        return self.equilibrium.system.negatives() - self.constraints
+
+    def _sweep(self) -> float:
+        value = self._iterate(self.equilibrium.system.solve)
+        for _ in range(MOST_SWEEPS if self.unknowns <= ALWAYS else SWEEPS - 1):
+            before, value = value, self._iterate(self.equilibrium.system.solve)
+            if abs(value - before) <= SETTLED * abs(value):
+                break
+        return value
+
+    def _estimate(self, state: State) -> float:
+        eq = self.equilibrium
+
+        def solve(b: Any, x: Any) -> None:
+            x.array_w[:] = eq.response(state, b.array_r, LOOSE)
+
+        return self._iterate(solve)
+
+    def _iterate(self, solve: Any) -> float:
+        """One inverse iteration; Rayleigh's quotient of its result."""
+        self.M.mult(self.x, self.Mx)
+        self.Mx.scale(1 / self.x.dot(self.Mx) ** 0.5)
+        solve(self.Mx, self.y)
+        work = self.y.dot(self.Mx)
+        self.y.copy(self.x)
+        self.M.mult(self.x, self.Mx)
+        return float(work / self.x.dot(self.Mx))
+
+    # -- at one state -------------------------------------------------------------------------------------------------
+
+    def eigenpairs(self, state: State, count: int = 4) -> list[tuple[float, npt.NDArray[np.float64]]]:
+        """Eigenvalues nearest zero and their modes at a state, rising, by shift and invert through the factorised K.
+
+        Args:
+            state: The state; K is factorised there.
+            count: How many at least.
+
+        Returns:
+            Pairs of eigenvalue (dimensionless) and mode: local dofs with ghosts, shape as `State.w`, largest entry 1.
+        """
+        from slepc4py import SLEPc
+
+        eq = self.equilibrium
+        eq.factorise(state)
+        solver = SLEPc.EPS().create(eq.comm)
+        # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
+        # constraint's infinite eigenvalues are zeros here, far from those wanted.
+        solver.setOperators(_Inverse.matrix(eq, self.M))
+        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
+        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+        solver.setDimensions(count, max(2 * count + 8, 16))
+        solver.setTolerances(1e-10, 200)
+        solver.setInitialSpace([self.x])
+        solver.solve()
+        pairs = []
+        vector = eq.K.createVecRight()
+        for i in range(solver.getConverged()):
+            inverse = solver.getEigenpair(i, vector)
+            pairs.append((1 / inverse.real, self._mode(vector)))
+        solver.destroy()
+        if not pairs:
+            raise NoConvergence("the modes of the tangent were not found")
+        pairs.sort(key=lambda pair: pair[0])
+        return pairs
+
+    def _mode(self, vector: Any) -> npt.NDArray[np.float64]:
+        from dolfinx import fem
+
+        function = fem.Function(self.equilibrium.space)
+        function.x.array[: self.equilibrium.n] = vector.array_r
+        function.x.scatter_forward()
+        low, high = vector.min()[1], vector.max()[1]
+        return np.array(function.x.array / (high if high >= -low else low))
+
+    def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
+        """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode.
+
+        Continuous along a path, negative where more than ``index`` are. K is factorised at the state.
+        """
+        pairs = self.eigenpairs(state)
+        negative = self.excess()
+        rank = negative - sum(value < 0 for value, _ in pairs)  # negative ones farther from zero than those found
+        chosen = min(max(index - rank, 0), len(pairs) - 1)
+        return pairs[chosen]
+
+    def push(self, mode: npt.NDArray[np.float64]) -> tuple[Any, float]:
+        """M times a mode, and mode.M.mode: what a displacement has of the mode is their quotient."""
+        vector, image = self.M.createVecRight(), self.M.createVecLeft()
+        vector.array_w[:] = mode[: self.equilibrium.n]
+        self.M.mult(vector, image)
+        return image, float(vector.dot(image))
+
+
+class _Inverse:
+    """PETSc's context of K^-1 M with the kept factorisation."""
+
+    def __init__(self, equilibrium: Equilibrium, M: Any):
+        self.solve, self.M, self.image = equilibrium.system.solve, M, M.createVecLeft()
+
+    @classmethod
+    def matrix(cls, equilibrium: Equilibrium, M: Any) -> Any:
+        from petsc4py import PETSc
+
+        made = PETSc.Mat().createPython(M.getSizes(), context=cls(equilibrium, M), comm=M.comm)
+        made.setUp()
+        return made
+
+    def mult(self, mat: Any, x: Any, y: Any) -> None:
+        self.M.mult(x, self.image)
+        self.solve(self.image, y)

@@ -1,0 +1,83 @@
+"""``softmodels limit``: one figure for a design, a margin, a list of materials, a workshop's tolerances."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.case import CaseError
+from softmodels.limits import Tolerance, find_limit, samples
+from softmodels.materials import MooneyRivlin, NeoHookean, Yeoh
+
+THIN = HollowDisk.variant("shadow", support="base", fillet=0.0, base_fillet=0.0, section="axisymmetric")
+OPTIONS = ("--variant", "shadow", "--support", "base", "--fillet", "0mm", "--base-fillet", "0mm")
+
+
+def test_thin_disk_is_limited_and_a_stiffening_one_is_not(comm):
+    """The thin disk of the bench: 34.1 cm for the isochoric neo-Hookean law, 34.5 cm for the thesis' own."""
+    materials = [MooneyRivlin(10e3, 0.0, 0.495), NeoHookean(20e3, 0.495), Yeoh(10e3, 2e3, 500.0, 0.495)]
+    isochoric, thesis, stiffening = find_limit(THIN, materials, comm)
+    assert isochoric.kind == thesis.kind == "limit"
+    assert isochoric.pressure / 95.124 == pytest.approx(34.1, rel=5e-3)
+    assert thesis.pressure / 95.124 == pytest.approx(34.5, rel=2e-3)
+    assert isochoric.rises["ceiling"] == pytest.approx(24.1e-3, rel=5e-3)
+    assert isochoric.added_volume == pytest.approx(28.3e-6, rel=5e-3)
+    assert np.hypot(*isochoric.place[:2]) == pytest.approx(THIN.cavity_radius) and isochoric.place[2] == pytest.approx(
+        THIN.ceiling
+    )
+    assert stiffening.kind == "none" and stiffening.stretch > 4.9
+
+
+def test_a_table_of_materials_with_margins(runs, tmp_path):
+    materials = ("--material", "ecoflex-00-30", "--material", "dragon-skin-20")
+    done = runs.run("-m", "softmodels", "limit", *OPTIONS, *materials, "--working-cm", "10", "--output", tmp_path)
+    assert done.status == 0 and done.err == ""
+    rows = json.loads((tmp_path / "limit.json").read_text())
+    assert [row["material"] for row in rows] == ["ecoflex-00-30", "dragon-skin-20"]
+    for row in rows:
+        assert row["margin"] == pytest.approx(row["limit_cm"] / 10) and f"{row['limit_cm']:.4g} cm" in done.out
+    assert rows[1]["limit_cm"] > 3 * rows[0]["limit_cm"] and "--angle 180" in done.out
+
+
+def test_tolerances_scatter_the_limit(runs, tmp_path):
+    """A thicker membrane bears more, about in proportion; the picture and the table are there."""
+    done = runs.run("-m", "softmodels", "limit", *OPTIONS, "--shear-modulus", "20kPa", "--cell-size", "4mm",
+                    "--vary", "membrane=2mm+-0.2mm", "--samples", "5", "--output", tmp_path)  # fmt: skip
+    assert done.status == 0 and "5 devices" in done.out
+    with (tmp_path / "scatter.csv").open() as file:
+        rows = [(float(row["membrane"]), float(row["limit_cm"])) for row in csv.DictReader(file)]
+    thickness, limit = np.array(sorted(rows)).T
+    assert thickness[0] > 0.0018 and thickness[-1] < 0.0022 and (np.diff(limit) > 0).all()
+    assert np.polyfit(np.log(thickness), np.log(limit), 1)[0] == pytest.approx(0.95, abs=0.1)
+    assert (tmp_path / "scatter.png").stat().st_size > 10000
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--vary", "membrane"], "membrane=2mm+-0.2mm"),
+        (["--vary", "depth=2mm+-0.2mm"], "no parameter 'depth'"),
+        (["--vary", "membrane=2mm+-3mm"], "between zero and the value"),
+        (["--vary", "membrane=2+-0.2mm"], "membrane"),
+        (["--material", "rubber"], "rubber"),
+        (["--working-cm", "0"], "above zero"),
+        (["no/case.toml"], "no/case.toml"),
+    ],
+)
+def test_bad_input_is_a_sentence_and_status_2(words, told, runs):
+    done = runs.run("-m", "softmodels", "limit", *words)
+    assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and told in done.err
+
+
+def test_samples_fill_the_tolerances():
+    tolerances = [Tolerance.parse("membrane=2mm±10%", HollowDisk), Tolerance.parse("wall=5mm+/-0.5mm", HollowDisk)]
+    values = samples(tolerances, 256)
+    assert values.mean(axis=0) == pytest.approx([0.002, 0.005], rel=2e-3)
+    assert (np.abs(values / [0.002, 0.005] - 1) <= 0.1).all() and (np.ptp(values, axis=0) > [3.9e-4, 9.8e-4]).all()
+    assert samples(tolerances, 256, normal=True).std(axis=0) == pytest.approx([1e-4, 2.5e-4], rel=0.05)
+    with pytest.raises(CaseError):
+        Tolerance.parse("section=2mm+-1mm", HollowDisk)

@@ -1,0 +1,95 @@
+"""A balloon of Yeoh's rubber under a column raised and lowered: two limit points, two jumps, by thin-shell theory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from softmodels.dead_pressure import cycle
+from softmodels.homogeneous import balloon_pressure
+from softmodels.loading import Path, PathEnd
+from softmodels.materials import NeoHookean, Yeoh
+
+THIN = 0.01
+RUBBER = Yeoh(50e3, 150.0, 12.0, 0.5)
+RADIUS = 0.010
+
+
+def pressure(stretch):
+    return float(balloon_pressure(RUBBER, stretch, THIN))
+
+
+def slope(stretch, h=1e-4):
+    return (pressure(stretch + h) - pressure(stretch - h)) / (2 * h)
+
+
+@pytest.fixture(scope="module")
+def balloon(bodies, equilibrium):
+    shape = bodies.Sphere(inner=RADIUS * (1 - THIN / 2), outer=RADIUS * (1 + THIN / 2), through=1, along=24)
+    return equilibrium(shape, RUBBER)
+
+
+@pytest.fixture(scope="module")
+def theory():
+    """Stretches of both limit points, and where each jump lands."""
+    upper, lower = brentq(slope, 1.2, 1.8), brentq(slope, 1.8, 5.0)
+    return {
+        "up": (upper, brentq(lambda s: pressure(s) - pressure(upper), lower, 9.0)),
+        "down": (lower, brentq(lambda s: pressure(s) - pressure(lower), 1.0, upper)),
+    }
+
+
+@pytest.fixture(scope="module")
+def ridden(balloon, theory):
+    top = 1.2 * pressure(theory["up"][0]) / balloon.stress_unit
+    return list(cycle(Path(balloon), [0.5 * top, top])), top
+
+
+def stretch(balloon, point):
+    """Of the middle of the wall; see `test_limit_points`."""
+    inner = (point.state.V / balloon.rest().V) ** (1 / 3)
+    middle = (1 + THIN / 2 / (1 - THIN / 2)) ** 3
+    return ((inner**3 - 1 + middle) / middle) ** (1 / 3)
+
+
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_limit_points_and_jumps(balloon, ridden, theory, way):
+    points, _ = ridden
+    jumps = [k for k, point in enumerate(points) if point.jump]
+    assert len(jumps) == 2
+    at = jumps[0 if way == "up" else 1]
+    before, after = points[at - 1], points[at]
+    assert before.limit and after.stable_under_pressure
+    limit, landing = theory[way]
+    assert before.state.P * balloon.stress_unit == pytest.approx(pressure(limit), rel=2e-4)
+    assert pytest.approx(before.state.P, rel=1e-9) == after.state.P
+    assert stretch(balloon, before) == pytest.approx(limit, rel=2e-3)
+    assert stretch(balloon, after) == pytest.approx(landing, rel=2e-3)
+
+
+def test_the_way_back_is_another(balloon, ridden):
+    """At half the top pressure the balloon is small on the way up and large on the way down; it comes home in the end."""
+    points, top = ridden
+    asked = [point for point in points if point.requested]
+    P = [point.state.P for point in asked]
+    assert (
+        pytest.approx([0.5 * top, top, top, 0.5 * top, 0.0], abs=1e-12) == P
+        or pytest.approx([0.5 * top, top, 0.5 * top, 0.0], abs=1e-12) == P
+    )
+    assert all(point.stable_under_pressure for point in points if not point.limit)
+    up = [point for point in asked if pytest.approx(0.5 * top) == point.state.P]
+    assert len(up) == 2
+    assert pytest.approx(balloon.rest().V, rel=1e-9) == points[-1].state.V
+    rising = np.diff([point.state.V for point in points])
+    turn = int(np.argmax([point.state.P for point in points]))
+    assert (rising[:turn] > -1e-9).all() and (rising[turn:] < 1e-9).all()
+
+
+def test_a_balloon_with_no_second_stable_part_says_so(bodies, equilibrium):
+    shape = bodies.Sphere(inner=RADIUS * (1 - THIN / 2), outer=RADIUS * (1 + THIN / 2), through=1, along=12)
+    equations = equilibrium(shape, NeoHookean(100e3, 0.5))
+    path, points = Path(equations), []
+    with pytest.raises(PathEnd) as end:
+        points.extend(cycle(path, [1.0]))
+    assert end.value.limit is not None and "no stable state" in str(end.value)

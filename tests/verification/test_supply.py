@@ -1,0 +1,108 @@
+"""A syringe on the thin disk: the gas law between stroke, volume and pressure, its two extremes, and its energy."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from geometries import HollowDisk
+from softmodels.materials import NeoHookean
+from softmodels.supply import Stroke, Syringe
+
+THIN = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
+ML = 1e-6
+
+
+@pytest.fixture(scope="module")
+def disk(equilibrium):
+    return equilibrium(THIN, NeoHookean(20e3, 0.495))
+
+
+@pytest.fixture(scope="module")
+def drive(disk, solved):
+    """Return a function that drives the disk by a syringe: strokes in ml to strokes, volumes, pressures of all points."""
+
+    def run(strokes, syringe, **options):
+        disk.rest()
+        supply = syringe.control(disk.rest().V * disk.volume_unit, disk.stress_unit, disk.volume_unit)
+        goals = [stroke * ML / disk.volume_unit for stroke in strokes]
+        path, points, end = solved(disk, goals, quantity="stroke", supply=supply, **options)
+        assert end is None
+        return path, points
+
+    return run
+
+
+@pytest.mark.parametrize("gas", ["isothermal", "adiabatic"])
+def test_stroke_pressure_and_volume_obey_the_gas_law(disk, drive, gas):
+    syringe = Syringe(syringe=60 * ML, gas=gas)
+    path, points = drive([20, 45], syringe)
+    power = {"isothermal": 1.0, "adiabatic": 1.4}[gas]
+    asked = [point for point in points if point.requested]
+    for point, stroke in zip(asked, (20, 45), strict=True):
+        gas_now = 65 * ML - stroke * ML + point.state.V * disk.volume_unit
+        gas_rest = 65 * ML + path.V0 * disk.volume_unit
+        absolute = point.state.P * disk.stress_unit + syringe.ambient
+        assert absolute * gas_now**power == pytest.approx(syringe.ambient * gas_rest**power, rel=1e-9)
+    assert [point.limit for point in points].count(True) == 1  # driven past the limit, as a pressure could not
+
+
+def test_a_liquid_is_volume_control(disk, drive, solved):
+    _, points = drive([10, 35], Syringe(syringe=60 * ML, gas="liquid"))
+    _, expected, _ = solved(disk, [10 * ML / disk.volume_unit, 35 * ML / disk.volume_unit], quantity="volume")
+    found, wanted = ([p.state.P for p in points if p.requested] for points in (points, expected))
+    assert found == pytest.approx(wanted, rel=1e-8)
+
+
+def test_an_endless_dead_volume_is_pressure_control(disk, drive, solved):
+    """With a litre of tubes to every micrometre of stroke, the stroke's share of the gas alone makes the pressure."""
+    huge = Syringe(syringe=1e4, dead_volume=0.0)
+    wanted = 0.8  # of the limit pressure, in about the disk's own units
+    pressure = wanted * 3.2e3
+    stroke = 1e4 * (1 - huge.ambient / (huge.ambient + pressure))
+    _, points = drive([stroke / ML], huge)
+    assert points[-1].state.P * disk.stress_unit == pytest.approx(pressure, rel=1e-6)
+    _, expected, _ = solved(disk, [pressure / disk.stress_unit])
+    assert pytest.approx(expected[-1].state.V, rel=1e-5) == points[-1].state.V
+
+
+@pytest.mark.parametrize("gas", ["isothermal", "adiabatic"])
+def test_pistons_work_is_in_rubber_and_gas(disk, drive, gas):
+    syringe = Syringe(syringe=60 * ML, gas=gas)
+    path, points = drive([45], syringe, largest_step=0.7 * ML / disk.volume_unit)
+    S, P = np.array([(path.value(p.state), p.state.P) for p in points]).T
+    slope = []
+    for point in points:
+        a, b = path.supply.slopes(point.state.V, point.state.P)
+        slope.append(point.tangent.P / (a * point.tangent.V + b * point.tangent.P))
+    work = CubicHermiteSpline(S, P, slope).integrate(0, S[-1]) * disk.stress_unit * disk.volume_unit
+    disk.load(points[-1].state)
+    rubber = disk.stored_energy() * disk.stress_unit * disk.volume_unit
+    last, cavity = points[-1].state, path.V0 * disk.volume_unit
+    gas_took = syringe.gas_energy(45 * ML, last.V * disk.volume_unit - cavity, last.P * disk.stress_unit, cavity)
+    assert gas_took > 0.005 * rubber
+    assert rubber + gas_took == pytest.approx(work, rel=1e-4)
+
+
+def test_a_leak_lowers_the_pressure_by_the_mass_it_takes(disk, drive):
+    tight, leaking = Syringe(syringe=60 * ML), Syringe(syringe=60 * ML, leak=0.0005 / ML)
+    _, points = drive([20], tight)
+    path, lost = drive([20], leaking)
+    assert lost[-1].state.P < points[-1].state.P and lost[-1].state.V < points[-1].state.V
+    gas_now = (65 - 20) * ML + lost[-1].state.V * disk.volume_unit
+    mass = (lost[-1].state.P * disk.stress_unit + leaking.ambient) * gas_now
+    assert mass == pytest.approx(0.99 * leaking.ambient * (65 * ML + path.V0 * disk.volume_unit), rel=1e-9)
+
+
+def test_slopes_are_those_of_the_stroke():
+    curve = Stroke(0.0, rest=1.0, gas=5.0, ambient=3.0, power=1 / 1.4, leak=0.02)
+    for V, P in ((1.0, 0.0), (2.0, 0.3), (3.0, -0.1)):
+        a, b = curve.slopes(V, P)
+        h = 1e-6
+        assert a == pytest.approx((curve.value(V + h, P) - curve.value(V - h, P)) / (2 * h), rel=1e-8)
+        assert b == pytest.approx((curve.value(V, P + h) - curve.value(V, P - h)) / (2 * h), rel=1e-8)
+    assert curve.value(1.0, 0.0) == 0.0
+    assert dataclasses.replace(curve, leak=0.0).at(2.0).target == 2.0
