@@ -35,10 +35,14 @@ def figures(comm, wedge: Path, section: Path) -> dict[str, list[float]]:
             values.update(values.pop("rises"))
             found[f"wedge at {point.state.P:g}"] = list(values.values())
     equations = Equilibrium(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495))
+    points = []
     try:
-        list(trace(LoadPath(equations), [1.0]))
+        for point in trace(LoadPath(equations), [1.0]):
+            points.append(point)
     except PathEnd as end:
         found["limit"] = [end.limit.state.P]
+    found["falling directions"] = [float(point.signature.excess) for point in points]
+    found["lowest eigenvalue"] = [points[0].signature.lowest, points[-1].signature.lowest]
     return found
 
 
