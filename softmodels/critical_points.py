@@ -51,7 +51,13 @@ def events(path: Path, before: Point, after: Point, depth: int = 0) -> list[Poin
     if (turned or abs(gained) > 1) and depth < DEEPEST:
         middle = path.middle(before, after)
         return [*events(path, before, middle, depth + 1), *events(path, middle, after, depth + 1)]
-    return [bifurcation(path, before, after)]
+    try:
+        return [bifurcation(path, before, after)]
+    except NoConvergence as failure:
+        # The signature says that there is one; the next points' signatures go on saying so.
+        path.report(f"a bifurcation between two points could not be located ({failure})")
+        path.equilibrium.factorise(after.state)
+        return []
 
 
 def bifurcation(path: Path, before: Point, after: Point) -> Point:
@@ -74,7 +80,7 @@ def bifurcation(path: Path, before: Point, after: Point) -> Point:
         for V in (root - spread * reach, root + spread * reach):
             path.equilibrium.factorise(before.state)
             try:
-                point = path.on_the_way(before, after, (V - start) / width)
+                point = path.on_the_way(before, after, min(max((V - start) / width, -1.0), 2.0))
                 known.append((stability.critical(point.state, index)[0], point))
             except NoConvergence:  # too near: K is singular there in every control
                 continue
@@ -82,7 +88,9 @@ def bifurcation(path: Path, before: Point, after: Point) -> Point:
     far = _far(known, stability.largest)
     low, high = (_nearest([p for value, p in far if value * f > 0] or [end], root)
                  for f, end in ((f_low, before), (f_high, after)))  # fmt: skip
-    point = path.in_between(low, high, (root - low.state.V) / (high.state.V - low.state.V))
+    if not math.isfinite(root) or low.state.V == high.state.V:
+        raise NoConvergence("its eigenvalue is no smooth function of the volume there")
+    point = path.in_between(low, high, min(max((root - low.state.V) / (high.state.V - low.state.V), 0.0), 1.0))
     value, mode = stability.critical(point.state, index)
     path.equilibrium.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
     signature = Signature(before.signature.excess, value)

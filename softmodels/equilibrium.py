@@ -126,7 +126,7 @@ class Equilibrium:
         forces = [ufl.derivative(energy, self.w, test) for energy in energies]
         self._inner = [form(force) for force in forces]
         forces.append(-self.P * load)
-        self.residual, self.cavity_volume = sum(forces[1:], forces[0]), volume
+        self.forces, self.cavity_volume = forces, volume
         self._product = [form(ufl.derivative(force, self.w, self._direction)) for force in forces]
         self._tangent = [form(ufl.derivative(force, self.w, trial)) for force in forces]
 

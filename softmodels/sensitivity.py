@@ -70,9 +70,8 @@ class Sensitivity:
         X = ufl.SpatialCoordinate(eq.body.mesh)
         self._lengths = {}
         for name, velocity in (reshaping.velocities if reshaping else {}).items():
-            self._lengths[name] = tuple(
-                eq.form(ufl.derivative(whole, X, velocity)) for whole in (eq.residual, eq.cavity_volume)
-            )
+            forces = [eq.form(ufl.derivative(force, X, velocity)) for force in eq.forces]
+            self._lengths[name] = forces, eq.form(ufl.derivative(eq.cavity_volume, X, velocity))
 
     def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[Tangent, dict[str, Rate]]:
         """Derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters change.
@@ -99,9 +98,9 @@ class Sensitivity:
         eq = self.equilibrium
         mu, dmu = eq.stress_unit, 0.0
         if name in self._lengths:
-            residual, volume = self._lengths[name]
+            forces, volume = self._lengths[name]
             # Forms by coordinates are per unit of the device's size.
-            force = eq._assemble([residual]) / eq.length_unit
+            force = eq._assemble(forces) / eq.length_unit
             opened = eq._scalar(volume) / eq.length_unit
         else:
             dmu = self._along.turn(eq.material, name)

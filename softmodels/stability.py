@@ -168,6 +168,7 @@ class Stability:
         Returns:
             Pairs of eigenvalue (dimensionless) and mode: local dofs with ghosts, shape as `State.w`, largest entry 1.
         """
+        from petsc4py import PETSc
         from slepc4py import SLEPc
 
         eq = self.equilibrium
@@ -181,7 +182,10 @@ class Stability:
         solver.setDimensions(count, max(2 * count + 8, 16))
         solver.setTolerances(1e-10, 200)
         solver.setInitialSpace([self.x])
-        solver.solve()
+        try:
+            solver.solve()
+        except (PETSc.Error, SystemError) as error:  # SLEPc's own errors come as either
+            raise NoConvergence("the modes of the tangent were not found") from error
         pairs = []
         vector = eq.K.createVecRight()
         for i in range(solver.getConverged()):

@@ -41,13 +41,13 @@ class Trial:
     goal: float
 
 
-def trials(count: int, seed: int = 2013) -> Iterator[Trial]:
-    """Random cases, the same for the same seed."""
+def trials(count: int, seed: int = 2013, wedges: float = 0.25) -> Iterator[Trial]:
+    """Random cases, the same for the same seed and the same share of wedges."""
     chance = random.Random(seed)
     number = 0
     while number < count:
         radius = 10 ** chance.uniform(-2.3, -1.3)
-        wedge = chance.random() < 0.25
+        wedge = chance.random() < wedges
         spans = {"membrane": (0.08, 0.8), "base": (0.2, 0.8), "wall": (0.15, 1.0), "cavity_height": (0.1, 0.7)}
         part = {name: radius * chance.uniform(*span) for name, span in spans.items()}
         fillet = chance.choice([0.0, 0.15]) * min(part["cavity_height"], radius)
@@ -155,10 +155,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=2013)
+    parser.add_argument("--wedges", type=float, default=0.25, help="share of wedges")
     given = parser.parse_args()
     comm = start()
     began, endings, faults = time.perf_counter(), collections.Counter(), []  # type: ignore[var-annotated]
-    for trial in trials(given.count, given.seed):
+    for trial in trials(given.count, given.seed, given.wedges):
         ended, fault = examine(trial, comm)
         endings[ended.split(":")[0]] += 1
         if fault:

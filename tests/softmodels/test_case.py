@@ -106,7 +106,7 @@ def test_a_range_ends_at_its_end_once(step):
         (SMALL.replace("device", 'mebrane = "6 mm"\ndevice'), ["mebrane"]),
         (SMALL.replace('"0:30"', '[0, "a"]'), ["pressure", "'a'"]),
         (SMALL.replace('"0:30"', "true"), ["pressure", "True"]),
-        (f'{SMALL}volume_ml = "0:3"\n', ["pressures", "volumes", "one of the two"]),
+        (f'{SMALL}volume_ml = "0:3"\n', ["pressures", "volumes", "one of these"]),
         (f"{SMALL}water_density = 970\n", ["water_density", "970", "unit"]),
         (f"{SMALL}control = 3\n", ["control", "3"]),
         (f'{SMALL}[solver]\nformulation = ["mixed"]\n', ["formulation", "mixed"]),

@@ -80,7 +80,11 @@ MATERIALS = {
     "--material ecoflex-00-30 --c1 7859kPa": ["shear modulus", "1.572e+07 Pa", "units"],
 }
 OTHERS = {
-    "--volume-ml 0:3": ["--pressure-cm", "--volume-ml", "one of the two"],
+    "--supply syringe --stroke-ml 0:10": ["--stroke-ml", "one of these"],
+    "--supply syringe": ["--supply syringe", "--stroke-ml"],
+    "--gas adiabatic": ["--gas", "--supply syringe"],
+    "--cycle --control volume": ["--cycle", "--control"],
+    "--volume-ml 0:3": ["--pressure-cm", "--volume-ml", "one of these"],
     "--inflate": ["--inflate"],
     "--membrane": ["--membrane", "argument"],
     "--control speed": ["--control", "'speed'", "volume"],

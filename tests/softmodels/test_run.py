@@ -31,11 +31,13 @@ def test_a_failed_mesher_is_a_sentence_and_status_1(monkeypatch, capsys, tmp_pat
 
 
 def test_a_solver_kept_from_converging_leaves_its_states(runs, tmp_path):
-    done = runs.disk(tmp_path / "disk", *STEPS, "--", "-ksp_max_it", "1")
+    """One iteration of the linear solver is enough as long as the tangent was factorised close by; near the limit it is not."""
+    volumes = ("--variant", "shadow", "--volume-ml", "0:60", "--quiet")
+    done = runs.disk(tmp_path / "disk", *volumes, "--", "-ksp_max_it", "1")
     assert done.status == 1 and done.out == "" and done.err.count("\n") == 1
-    assert "177 cm was not reached" in done.err and "linear solver failed" in done.err and "--cell-size" in done.err
+    assert "could not be followed" in done.err and "linear solver failed" in done.err and "--cell-size" in done.err
     rows = runs.rows(tmp_path / "disk")
-    assert 1 <= len(rows) < 37 and runs.readable(tmp_path / "disk") == len(rows) and f"({len(rows)} state" in done.err
+    assert len(rows) > 1 and runs.readable(tmp_path / "disk") == len(rows) and f"({len(rows)} states" in done.err
 
 
 @pytest.mark.parametrize(

@@ -40,10 +40,14 @@ def figures(comm, wedge: Path, slab: Path, section: Path) -> dict[str, list[floa
             found["wedge, rates and outline"] = rates(equations, 0.1)
     equations = Equilibrium(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495))
     found["section past its limit, rates and outline"] = rates(equations, 6.0)
+    points = []
     try:
-        list(trace(LoadPath(equations), [1.0]))
+        for point in trace(LoadPath(equations), [1.0]):
+            points.append(point)
     except PathEnd as end:
         found["limit"] = [end.limit.state.P]
+    found["falling directions"] = [float(point.signature.excess) for point in points]
+    found["lowest eigenvalue"] = [points[0].signature.lowest, points[-1].signature.lowest]
     return found
 
 
