@@ -14,6 +14,7 @@ cells, and lambda / density is the square of a natural frequency. M has no entri
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from typing import Any
 
@@ -116,10 +117,14 @@ class Stability:
         """Signature of the state that `wants` was asked of: of K as factorised there, or else with the excess known before."""
         if not exact:
             return Signature(excess, self._guess, exact=False)
-        lowest = self._sweep()
+        lowest, excess = self._sweep(), self.excess()
         self.reference = abs(lowest)
         self.largest = max(self.largest, self.reference)
-        return Signature(self.excess(), lowest)
+        if excess and lowest > 0.0:
+            # The iteration finds what is nearest to zero; far past an instability that is no longer the lowest.
+            with contextlib.suppress(NoConvergence):
+                lowest = self._pairs(excess + 8)[0][0]
+        return Signature(excess, lowest)
 
     def settle(self) -> None:
         """Let the tracked mode converge at a state with no point before it; K is factorised there."""
@@ -168,11 +173,15 @@ class Stability:
         Returns:
             Pairs of eigenvalue (dimensionless) and mode: local dofs with ghosts, shape as `State.w`, largest entry 1.
         """
+        self.equilibrium.factorise(state)
+        return self._pairs(count)
+
+    def _pairs(self, count: int) -> list[tuple[float, npt.NDArray[np.float64]]]:
+        """`eigenpairs` of K as it is factorised."""
         from petsc4py import PETSc
         from slepc4py import SLEPc
 
         eq = self.equilibrium
-        eq.factorise(state)
         solver = SLEPc.EPS().create(eq.comm)
         # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
         # constraint's infinite eigenvalues are zeros here, far from those wanted.
