@@ -70,8 +70,8 @@ class Case:
             raise CaseError(f"name {self.name!r} cannot name files; use letters, digits, '_', '-', '+' and '.'")
         if sum(map(bool, (self.pressures_cm, self.volumes_ml, self.strokes_ml))) != 1:
             raise CaseError(
-                "request either pressures (--pressure-cm) or added volumes (--volume-ml), one of the two; or, with "
-                "--supply syringe, its strokes (--stroke-ml)"
+                "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
+                "(--supply syringe --stroke-ml), one of these"
             )
         if self.cycle and not self.pressures_cm:
             raise CaseError("--cycle raises and lowers a pressure; give --pressure-cm with it")
