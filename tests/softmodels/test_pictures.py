@@ -9,12 +9,14 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from geometries import HollowDisk
-from softmodels import pictures, plots, rendering, triangles
+from softmodels import pictures, plots, rendering, sections, stills, triangles
 from softmodels.results import Results, ResultsError
 from softmodels.states import States
+from softmodels.views import look
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
 """Of the made-up results; see the fixtures."""
@@ -186,3 +188,26 @@ def test_fine_triangles_keep_area_and_bend():
     assert areas.sum() == pytest.approx(0.5 + 2 / 3 * np.sqrt(2) * 0.1 * np.sqrt(2), rel=2e-3)
     curves = triangles.edge_curves(corner, np.arange(6)[None], 2)
     assert any(np.allclose(curve[1], (0.6, 0.6)) for curve in curves)
+
+
+@pytest.mark.parametrize("kind", ["wedge", "half_section"])
+def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
+    """The made-up results have no mode; their displacement stands in for one."""
+    if kind == "wedge" and not rendering.can_render():
+        pytest.skip("nothing can render here")
+    states, _ = loaded(request.getfixturevalue(kind))
+    step, field = STEPS - 1, States.field
+    monkeypatch.setattr(
+        States,
+        "field",
+        lambda self, k, name: field(self, k, "displacement") / 5e-3 if name == "mode" else field(self, k, name),
+    )
+    if kind == "wedge":
+        figure = stills.mode(look(states), step)
+    else:
+        figure = sections.section_mode(
+            states.points, states.moved(step), states.field(step, "mode"), states.cells, states.rows[step], "apex"
+        )
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    assert np.asarray(canvas.buffer_rgba())[..., :3].std() > 10.0
