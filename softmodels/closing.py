@@ -49,6 +49,17 @@ def _risen(device: Actuator, rises: dict[str, float]) -> str:
     return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
 
 
+def contact_notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence on walls that have met; none if they have not."""
+    first = next((row for row in rows if row.get("walls_touch")), None)
+    if first is None:
+        return []
+    return [
+        f"at {first['pressure_cm']:.4g} cm walls that face each other have met: from there on they would press on each other, "
+        "and here they pass through; see walls_touch in path.csv, and leave more room between them"
+    ]
+
+
 def volume_note(row: Mapping[str, Any]) -> str:
     """What a reader must know of a state's change of volume; empty if the silicone nearly kept it."""
     if row["J_min"] >= 1 - VOLUME_CHANGE and row["J_max"] <= 1 + VOLUME_CHANGE:
@@ -68,7 +79,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             text = {
                 "status": status, "message": message, "steps": len(stored), "last": results.rows[-1],
                 "events": events(results.rows),
-                "stretch_at_break": stretch_at_break(case.material), "notes": stretch_notes(case, results.rows),
+                "stretch_at_break": stretch_at_break(case.material),
+                "notes": [*stretch_notes(case, results.rows), *contact_notes(results.rows)],
             }  # fmt: skip
             write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
             if draw and status in (DONE, NO_EQUILIBRIUM):
@@ -88,7 +100,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         )
         print(f"softmodels: {message}{where}", file=sys.stderr)
     if stored and not quiet and status != BAD_INPUT:
-        for note in stretch_notes(case, results.rows):
+        for note in [*stretch_notes(case, results.rows), *contact_notes(results.rows)]:
             print(f"softmodels: note: {note}", file=sys.stderr)
     if not message and not quiet:
         row, gauge = results.rows[-1], case.actuator.gauge

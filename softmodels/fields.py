@@ -7,6 +7,7 @@ complex step (exact to rounding); nothing is written twice and nothing compiled 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Vector
+from softmodels.contact import Walls
 from softmodels.equilibrium import Equilibrium, State
 from softmodels.grid import Grid, displacement_maps
 from softmodels.materials import Material
@@ -86,6 +88,12 @@ class Fields:
     integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where
     it nearly folds they are beyond all bounds. The volume ratio is the mean of the cells' own means.
     """
+
+    @functools.cached_property
+    def walls(self) -> Walls:
+        """The device's surface, on rank 0."""
+        planes = [plane.normal for plane in self.equilibrium.body.actuator.cut_planes]
+        return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
 
     def __init__(self, equilibrium: Equilibrium):
         import ufl

@@ -284,6 +284,7 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
             "J_max": figures.J_max,
             "newton_iterations": point.state.iterations,
             "stored_energy_mJ": figures.stored_energy * 1e3,
+            "walls_touch": int(fields.walls.met(nodal["displacement"]) is not None),
             "requested": int(point.requested),
             "limit": int(point.limit),
             "jump": int(point.jump),

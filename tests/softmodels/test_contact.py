@@ -1,0 +1,52 @@
+"""Walls that meet are seen, and those with silicone between them are not taken for such."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.contact import Walls
+
+DISKS = {
+    "wedge": HollowDisk(cell_size=0.004, refinement=1.0),
+    "section": HollowDisk(section="axisymmetric", cell_size=0.004),
+    "thin": HollowDisk.variant("shadow", section="axisymmetric"),
+}
+
+
+@pytest.fixture(params=DISKS)
+def made(request, drawings, tmp_path):
+    """A device, its nodes and its walls."""
+    disk = DISKS[request.param]
+    points, cells, name = drawings.grid_of(disk, tmp_path)
+    return disk, points, Walls(points, cells, name, [plane.normal for plane in disk.cut_planes])
+
+
+def sunk(disk, points, share):
+    """A displacement that lowers the cavity's ceiling by a share of the cavity's height, and the membrane with it."""
+    radius = np.hypot(points[:, 0], points[:, 1])
+    over = np.clip((points[:, 2] - disk.base) / disk.cavity_height, 0.0, 1.0)
+    dent = np.clip(1.0 - (radius / disk.cavity_radius) ** 2, 0.0, None)
+    return np.outer(-share * disk.cavity_height * over * dent, [0.0, 0.0, 1.0])
+
+
+def test_walls_at_rest_and_under_pressure_are_apart(made):
+    disk, points, walls = made
+    for share in (0.0, -3.0, 0.9):
+        assert walls.met(sunk(disk, points, share)) is None
+
+
+def test_a_ceiling_that_goes_through_the_floor_is_seen(made):
+    disk, points, walls = made
+    place = walls.met(sunk(disk, points, 1.1))
+    assert place is not None and np.hypot(place[0], place[1]) < 0.5 * disk.cavity_radius
+    assert place[2] == pytest.approx(disk.base, abs=0.2 * disk.cavity_height)
+
+
+def test_a_thin_wall_does_not_face_itself(made):
+    """Flattened to a hundredth of its thickness, the membrane's two faces come near each other and stay apart."""
+    disk, points, walls = made
+    top = disk.base + disk.cavity_height
+    squeezed = np.where(points[:, 2] > top, -0.99 * (points[:, 2] - top), 0.0)
+    assert walls.met(np.outer(squeezed, [0.0, 0.0, 1.0])) is None
