@@ -55,6 +55,11 @@ class Bordered:
         self.mat = PETSc.Mat().createPython((size, size), context=self, comm=K.comm)
         self.mat.setUp()
 
+    def release(self) -> None:
+        """Destroy what PETSc holds; see `Equilibrium.release`."""
+        for thing in (self._direct, self.mat, self.q, self.z, self._r, self._y):
+            thing.destroy()
+
     def vector(self) -> Any:
         return self.mat.createVecRight()
 

@@ -524,6 +524,18 @@ class Equilibrium:
             raise NoConvergence("the linear solver failed on the response to a force")
         return system.split(self._x)[0].copy()
 
+    def release(self) -> None:
+        """Give back what PETSc and MPI hold for this device; it cannot be solved any more.
+
+        PETSc's solvers refer to this object and it to them, a cycle that Python cannot see. Whoever solves many devices in
+        one process would run out of MPI's communicators.
+        """
+        self.snes.destroy()
+        self._side.destroy()
+        self.system.release()
+        for thing in (self._x, self._f, self._y, self.K):
+            thing.destroy()
+
     def rest(self) -> State:
         """The undeformed state at no pressure."""
         self.w.x.array[:] = 0.0

@@ -78,6 +78,8 @@ def find_limit(actuator: Actuator, materials: Sequence[Material], comm: Any) -> 
         equations, fields = known[key]
         equations.set_material(material)
         found.append(_search(equations, fields))
+    for equations, _ in known.values():
+        equations.release()
     return found
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import collections
 import dataclasses
+import gc
 import math
 import random
 import tempfile
@@ -116,11 +117,17 @@ def check(trial: Trial, ended: str, points: list[Any], comm: Any) -> str:
     """What is wrong with an outcome by the section's own path under volume control, or an empty text."""
     if ended not in ("reached", "limit"):
         return ended
+    equations = equations_of(dataclasses.replace(trial.disk, section="axisymmetric"), trial.material, comm)
+    try:
+        return _against(trial, ended, points, equations)
+    finally:
+        equations.release()
+
+
+def _against(trial: Trial, ended: str, points: list[Any], equations: Any) -> str:
     from softmodels.loading import Path as LoadPath
     from softmodels.loading import PathEnd, trace
 
-    section = dataclasses.replace(trial.disk, section="axisymmetric")
-    equations = equations_of(section, trial.material, comm)
     tolerance, V0 = SAME[trial.disk.section], equations.rest().V
     slices = trial.disk.copies if trial.disk.dimension == 3 else 1
     last = max(points[-1].state.V * slices, V0 * 1.001)
@@ -146,7 +153,10 @@ def examine(trial: Trial, comm: Any) -> tuple[str, str]:
     """Outcome and fault of a trial."""
     equations = equations_of(trial.disk, trial.material, comm)
     ended, points = outcome(trial, equations)
-    return ended, check(trial, ended, points, comm)
+    found = ended, check(trial, ended, points, comm)
+    equations.release()
+    gc.collect()
+    return found
 
 
 def main() -> None:
