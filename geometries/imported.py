@@ -85,10 +85,6 @@ class ImportedActuator(Actuator):
         return hashlib.sha256(repr((type(self).__name__, self._digest(), parameters)).encode()).hexdigest()[:12]
 
     @property
-    def dimension(self) -> int:
-        return 3
-
-    @property
     def mesh_order(self) -> int:
         return self.order
 

@@ -81,10 +81,6 @@ class SeminarActuator(Actuator):
         check_seminar(self)
 
     @property
-    def dimension(self) -> int:
-        return 3
-
-    @property
     def mesh_order(self) -> int:
         return self.order
 

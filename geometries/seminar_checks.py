@@ -45,6 +45,16 @@ def _mm(value: float) -> str:
     return shown(value, "m")
 
 
+def _check_wall(slab: SeminarActuator, left: float, given: str, face: str) -> None:
+    """Refuse less solid than the least wall between the network and a face; ``given`` begins the sentence."""
+    if left < slab.least_wall * (1 - 1e-9):
+        raise GeometryError(
+            f"{given} "
+            + (f"breaks through {face}" if left <= 0.0 else f"leaves {_mm(left)} to {face}")
+            + f", and least_wall asks for {_mm(slab.least_wall)}"
+        )
+
+
 def _check_slab(slab: SeminarActuator) -> None:
     if max(slab.length, slab.base_width) > 0.1 * LONGEST:
         raise GeometryError(
@@ -71,34 +81,23 @@ def _check_heights(slab: SeminarActuator) -> None:
     """Solid above and below every part of the network."""
     for name in ("manifold_bore", "channel_bore", "end_bore"):
         left = 0.5 * slab.thickness - abs(slab.offset) - getattr(slab, name)
-        if left < slab.least_wall * (1 - 1e-9):
-            face = "top" if slab.offset > 0.0 else "bottom"
-            raise GeometryError(
-                f"{name} is {_mm(getattr(slab, name))}; with offset {_mm(slab.offset)} in thickness {_mm(slab.thickness)} "
-                + (f"it breaks through the {face} face" if left <= 0.0 else f"it leaves {_mm(left)} to the {face} face")
-                + f", and least_wall asks for {_mm(slab.least_wall)}"
-            )
+        given = f"{name} is {_mm(getattr(slab, name))}; with offset {_mm(slab.offset)} in thickness {_mm(slab.thickness)} it"
+        _check_wall(slab, left, given, f"the {'top' if slab.offset > 0.0 else 'bottom'} face")
 
 
 def _check_manifold(slab: SeminarActuator) -> None:
     bore, radius = slab.manifold_bore, slab.manifold_radius
-    for name in ("channel_bore",):
-        if getattr(slab, name) > SNUGGEST * bore:
-            raise GeometryError(
-                f"{name} is {_mm(getattr(slab, name))}; it must not pass {SNUGGEST:g} times manifold_bore, {_mm(bore)}"
-            )
+    if slab.channel_bore > SNUGGEST * bore:
+        raise GeometryError(
+            f"channel_bore is {_mm(slab.channel_bore)}; it must not pass {SNUGGEST:g} times manifold_bore, {_mm(bore)}"
+        )
     if radius < 2.0 * bore:
         raise GeometryError(
             f"manifold_radius is {_mm(radius)}; it must be at least twice manifold_bore, {_mm(bore)}, for an arc"
         )
     gap = radius * math.cos(0.5 * math.radians(slab.spread)) - bore
-    if gap < slab.least_wall * (1 - 1e-9):
-        raise GeometryError(
-            f"manifold_bore is {_mm(bore)}; with manifold_radius {_mm(radius)} and spread "
-            f"{shown(slab.spread, 'degree')} the manifold "
-            + ("breaks through the base" if gap <= 0.0 else f"leaves {_mm(gap)} to the base")
-            + f", and least_wall asks for {_mm(slab.least_wall)}"
-        )
+    given = f"manifold_bore is {_mm(bore)}; with manifold_radius {_mm(radius)} and spread {shown(slab.spread, 'degree')} the"
+    _check_wall(slab, gap, f"{given} manifold", "the base")
 
 
 def _channel(slab: SeminarActuator, angle: float) -> Channel:
@@ -129,13 +128,9 @@ def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
             base = along * math.cos(line.angle) - radius
             walls.append((base, "end_bore", slab.end_bore))
     left, name, bore = min(walls)
-    if left < slab.least_wall * (1 - 1e-9):
-        raise GeometryError(
-            f"{name} is {_mm(bore)}; with manifold_radius {_mm(slab.manifold_radius)} and spread "
-            f"{shown(slab.spread, 'degree')} it "
-            + ("breaks through the slab's side" if left <= 0.0 else f"leaves {_mm(left)} to the slab's side")
-            + f", and least_wall asks for {_mm(slab.least_wall)}"
-        )
+    spread = shown(slab.spread, "degree")
+    given = f"{name} is {_mm(bore)}; with manifold_radius {_mm(slab.manifold_radius)} and spread {spread} it"
+    _check_wall(slab, left, given, "the slab's side")
 
 
 def _wall(slab: SeminarActuator, along: float, angle: float, radius: float) -> float:

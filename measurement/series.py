@@ -134,18 +134,16 @@ def measure_all(
 
 def _compared(results: list[Result], setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None) -> list[Result]:
     """Distrust what looks good by itself and is contradicted by the run's other photographs."""
-    measured = [result for result in results if isinstance(result.outcome, Outline)]
-    found = settling.doubts([result.outcome for result in measured if isinstance(result.outcome, Outline)])
-    doubts = {result.name: doubt for result, doubt in zip(measured, found, strict=True) if doubt is not None}
-    compared = []
-    for result in results:
-        outcome = result.outcome
-        if result.name in doubts and isinstance(outcome, Outline):
-            outcome = dataclasses.replace(outcome, trusted=False, reasons=(*outcome.reasons, doubts[result.name]))
-            result = dataclasses.replace(result, outcome=outcome)
-            if pictures is not None:
-                _draw_again(result, setup, zero, tone, pictures)
-        compared.append(result)
+    compared = list(results)
+    outlines = {k: result.outcome for k, result in enumerate(results) if isinstance(result.outcome, Outline)}
+    found = settling.doubts(list(outlines.values()))
+    for (k, outline), doubt in zip(outlines.items(), found, strict=True):
+        if doubt is None:
+            continue
+        distrusted = dataclasses.replace(outline, trusted=False, reasons=(*outline.reasons, doubt))
+        compared[k] = dataclasses.replace(results[k], outcome=distrusted)
+        if pictures is not None:
+            _draw_again(compared[k], setup, zero, tone, pictures)
     return compared
 
 

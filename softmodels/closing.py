@@ -73,6 +73,7 @@ def volume_note(row: Mapping[str, Any]) -> str:
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Gather the results, draw them, say how it ended."""
     stored, took = results.stored, None
+    notes = [*stretch_notes(case, results.rows), *contact_notes(results.rows)] if stored and status != BAD_INPUT else []
     if stored and status != BAD_INPUT:
         try:
             results.finish()
@@ -80,7 +81,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
                 "status": status, "message": message, "steps": len(stored), "last": results.rows[-1],
                 "events": events(results.rows),
                 "stretch_at_break": stretch_at_break(case.material),
-                "notes": [*stretch_notes(case, results.rows), *contact_notes(results.rows)],
+                "notes": notes,
             }  # fmt: skip
             write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
             if draw and status in (DONE, NO_EQUILIBRIUM):
@@ -99,9 +100,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f". The results up to there ({states}) are in {results.folder}" if stored and status != BAD_INPUT else ""
         )
         print(f"softmodels: {message}{where}", file=sys.stderr)
-    if stored and not quiet and status != BAD_INPUT:
-        for note in [*stretch_notes(case, results.rows), *contact_notes(results.rows)]:
-            print(f"softmodels: note: {note}", file=sys.stderr)
+    for note in notes if not quiet else []:
+        print(f"softmodels: note: {note}", file=sys.stderr)
     if not message and not quiet:
         row, gauge = results.rows[-1], case.actuator.gauge
         if note := volume_note(row):

@@ -436,11 +436,15 @@ class Equilibrium:
         Raises:
             NoConvergence: The linear solver did not get there (the line runs along the path, say).
         """
+        self._border(state, control)
+        return self.respond(0.0, 1.0, tolerance)
+
+    def _border(self, state: State, control: Control) -> None:
+        """Set the system's border for linear answers at a state, the control's line held."""
         self.load(state)
         self.system.q.array_w[:] = self._assemble([self._load])
         self.system.control = control
         self.system.refresh()
-        return self.respond(0.0, 1.0, tolerance)
 
     def respond(self, force: Any, gap: float, tolerance: float) -> Tangent:
         """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line.
@@ -509,20 +513,8 @@ class Equilibrium:
         Raises:
             NoConvergence: The linear solver did not get there.
         """
-        self.load(state)
-        system, ksp = self.system, self.snes.getKSP()
-        system.q.array_w[:] = self._assemble([self._load])
-        system.control = pressure_control(state.P)
-        system.refresh()
-        system.join(self._f, force, 0.0)
-        system.mat.assemble()
-        ksp.setOperators(system.mat)
-        ksp.setTolerances(rtol=tolerance)
-        ksp.solve(self._f, self._x)
-        self.age += ksp.getIterationNumber()
-        if ksp.getConvergedReason() <= 0:
-            raise NoConvergence("the linear solver failed on the response to a force")
-        return system.split(self._x)[0].copy()
+        self._border(state, pressure_control(state.P))
+        return self.respond(force, 0.0, tolerance).w[: self.n]
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold for this device; it cannot be solved any more.

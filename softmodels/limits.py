@@ -70,16 +70,18 @@ def find_limit(actuator: Actuator, materials: Sequence[Material], comm: Any) -> 
         comm.barrier()
     known: dict[Any, Any] = {}
     found = []
-    for material in materials:
-        key = (type(material), len(getattr(material, "mu", ())))
-        if key not in known:
-            equations = Equilibrium(body, material)
-            known[key] = equations, Fields(equations)
-        equations, fields = known[key]
-        equations.set_material(material)
-        found.append(_search(equations, fields))
-    for equations, _ in known.values():
-        equations.release()
+    try:
+        for material in materials:
+            key = (type(material), len(getattr(material, "mu", ())))
+            if key not in known:
+                equations = Equilibrium(body, material)
+                known[key] = equations, Fields(equations)
+            equations, fields = known[key]
+            equations.set_material(material)
+            found.append(_search(equations, fields))
+    finally:
+        for equations, _ in known.values():
+            equations.release()
     return found
 
 

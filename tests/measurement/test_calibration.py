@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -74,13 +73,8 @@ def test_errors_by_distance_are_kept_in_files():
     assert Camera.ideal(901, 601).error([[0, 0]]) == [0.0]
 
 
-def test_command_tells_of_real_boards(tmp_path):
-    for folder in Path(__file__).resolve().parents:
-        if (folder / "shared" / "data" / "chessboards").is_dir():
-            break
-    else:
-        pytest.skip("no shared/data/chessboards beside the project")
-    boards = sorted((folder / "shared" / "data" / "chessboards").glob("left*.jpg"))
+def test_command_tells_of_real_boards(tmp_path, shared_data):
+    boards = sorted(shared_data("chessboards").glob("left*.jpg"))
     output = tmp_path / "camera.toml"
     done = CliRunner().invoke(main, ["calibrate", *map(str, boards), __file__, "--pitch", "25mm", "-o", str(output)])
     assert done.exit_code == 1

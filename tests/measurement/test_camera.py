@@ -22,17 +22,8 @@ THESIS = Exif("Canon", "Canon EOS 550D", "EF-S18-55mm f/3.5-5.6 IS", 35.0)
 LENS = (-0.25, 0.08, 1e-3, -2e-3, 0.02)
 
 
-def shared_data(name):
-    """A folder of measured data beside the checkout; skip where it is not there."""
-    for folder in Path(__file__).resolve().parents:
-        found = folder / "shared" / "data" / name
-        if found.is_dir():
-            return found
-    pytest.skip(f"no shared/data/{name} beside the project")
-
-
 @pytest.fixture(scope="module")
-def boards():
+def boards(shared_data):
     return sorted(shared_data("chessboards").glob("left*.jpg"))
 
 
@@ -82,7 +73,7 @@ def test_lensfun_is_repeated_through_points(focal, size):
     assert camera.source == f"lensfun: Canon EOS 550D, Canon EF-S 18-55mm f/3.5-5.6 IS at {focal:g} mm"
 
 
-def test_lens_profile_from_a_file_moves_pixels():
+def test_lens_profile_from_a_file_moves_pixels(shared_data):
     database = shared_data("lens") / "canon_efs_18-55_excerpt.xml"
     names = Exif("Canon", "Canon EOS 550D", "Canon EF-S 18-55mm f/3.5-5.6", 18.0)
     camera = lens_profile(names, 5184, 3456, database=database)

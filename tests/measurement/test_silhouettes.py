@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,13 +20,10 @@ ROI = (147, 10, 677, 480)
 
 
 @pytest.fixture(scope="module")
-def drops():
-    for folder in Path(__file__).resolve().parents:
-        found = folder / "shared" / "data" / "silhouettes"
-        if found.is_dir():
-            with (found / "drops.csv").open() as file:
-                return [(found / row["sample_name"], row["scale"], float(row["de"])) for row in csv.DictReader(file)]
-    pytest.skip("no shared/data/silhouettes beside the project")
+def drops(shared_data):
+    found = shared_data("silhouettes")
+    with (found / "drops.csv").open() as file:
+        return [(found / row["sample_name"], row["scale"], float(row["de"])) for row in csv.DictReader(file)]
 
 
 @pytest.fixture(scope="module")

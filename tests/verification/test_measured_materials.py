@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -20,27 +18,18 @@ MODES = {"UT": "uniaxial", "PS": "planar", "ET": "equibiaxial"}
 OGDEN_MU, OGDEN_ALPHA = (0.63e6, 0.0012e6, -0.01e6), (1.3, 5.0, -2.0)
 
 
-def shared_data(name):
-    """A folder of measured data beside the checkout; skip where it is not there."""
-    for folder in Path(__file__).resolve().parents:
-        found = folder / "shared" / "data" / name
-        if found.is_dir():
-            return found
-    pytest.skip(f"no shared/data/{name} beside the project")
-
-
 @pytest.fixture(scope="module")
-def ecoflex():
+def ecoflex(shared_data):
     return read_curve(shared_data("silicone_tensile") / "Ecoflex_00-30.csv")
 
 
 @pytest.fixture(scope="module")
-def liao():
+def liao(shared_data):
     return read_curve(shared_data("ecoflex_uniaxial") / "ecoflex_00_30_uniaxial_digitized.csv")
 
 
 @pytest.fixture(scope="module", params=["Treloar_1944", "Meunier_2008"])
-def rubber(request):
+def rubber(request, shared_data):
     folder = shared_data("rubber")
     return request.param, [read_curve(folder / f"{request.param}_{name}.csv", mode) for name, mode in MODES.items()]
 
@@ -90,7 +79,7 @@ def test_two_curves_of_one_product_disagree_beyond_their_errors(ecoflex, liao):
 @pytest.mark.parametrize(
     ("make", "misfits"), [(Ogden, (0.310e6, 0.025e6, 0.041e6)), (Ogden.from_two_mu, (1.10e6, 0.22e6, 0.64e6))]
 )
-def test_ogden_on_treloar_in_both_conventions(make, misfits):
+def test_ogden_on_treloar_in_both_conventions(make, misfits, shared_data):
     folder = shared_data("rubber")
     law = make(OGDEN_MU, OGDEN_ALPHA, 0.5)
     for (name, mode), misfit in zip(MODES.items(), misfits, strict=True):
@@ -137,7 +126,7 @@ def test_uniaxial_alone_misleads(rubber):
 @pytest.mark.parametrize(
     "product", ["Ecoflex_00-10", "Ecoflex_00-30", "Ecoflex_00-50", "Dragon_Skin_30", "RTV615", "SortaClear_40"]
 )
-def test_named_silicones_are_these_fits(product):
+def test_named_silicones_are_these_fits(product, shared_data):
     """The library's Yeoh laws (c2, c3 not below zero) from its ranges; RTV 615 with its three constants."""
     curve = read_curve(shared_data("silicone_tensile") / f"{product}.csv")
     silicone = SILICONES[product.replace("_", "-").lower()]
@@ -151,7 +140,7 @@ def test_named_silicones_are_these_fits(product):
     assert found.values["c2"] == pytest.approx(silicone.material.c2, rel=5e-3)
 
 
-def test_every_published_curve_is_read():
+def test_every_published_curve_is_read(shared_data):
     folder = shared_data("silicone_tensile")
     files = sorted(folder.glob("*.csv"))
     assert len(files) == 19
