@@ -183,26 +183,14 @@ class Body:
             x, N = ufl.as_vector([x[0], 0, x[1]]), ufl.as_vector([N[0], 0, N[1]])
         return -ufl.dot(x, ufl.dot(ufl.cofac(F), N)) / 3 * self.hoop
 
-    def volume(self, w: Any) -> Any:
-        """UFL form of the deformed cavity's volume, the one that the cavity pressure P works on.
-
-        With several cavities, each under its ratio r_i of P, that is the sum of r_i V_i: the potential -sum P_i V_i is
-        -P V, so that one unknown P and one potential serve them all.
+    def volumes(self, w: Any) -> list[Any]:
+        """UFL forms of the deformed cavities' volumes, one for each.
 
         Args:
             w: The skew components.
         """
-        from dolfinx import fem
-
         integrand, ds = self.volume_integrand(w), self._on_facets(self.cavity)
-        ratios = self.actuator.ratios
-        if ratios == (1.0,):
-            return integrand * ds(CAVITY)
-        tags = _cavity_tags(len(ratios))
-        # Constants, not numbers in the form: other ratios then compile nothing.
-        return sum(
-            fem.Constant(self.mesh, ratio) * integrand * ds(int(tag)) for ratio, tag in zip(ratios, tags, strict=True)
-        )
+        return [integrand * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
 
     def _constant_inverse(self) -> Any:
         from dolfinx import fem

@@ -82,7 +82,7 @@ def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = floa
         for stop in [*events(path, before, after), after]:
             yield path.keep(dataclasses.replace(stop, step=after.step))
         value = path.value(after.state)
-        if value >= farthest or value <= 0.0 or not 0.05 < after.state.V / path.V0 < FARTHEST:
+        if value >= farthest or value <= 0.0 or not 0.05 < after.state.V / path.V_scale < FARTHEST:
             return
 
 

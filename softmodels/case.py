@@ -15,7 +15,9 @@ from geometries import Actuator, GeometryError
 from geometries import table as geometry_table
 from measurement.units import WATER_DENSITY, UnitError, exact_text, pascal_per_cm, quantity
 from softmodels import material_table, supply_table
+from softmodels import program as programs
 from softmodels.materials import Material, MaterialError
+from softmodels.program import Program, ProgramError
 from softmodels.sheet import Sheet
 from softmodels.supply import SupplyError, Syringe
 
@@ -50,6 +52,7 @@ class Case:
         strokes_ml: Requested strokes of the syringe in ml, rising; empty unless there is one.
         supply: The syringe, or None where pressure or volume are imposed.
         cycle: Whether the pressure is lowered again through the same values, and the device jumps at limit points.
+        program: What each of several cavities goes through by itself, in place of one requested quantity; else empty.
     """
 
     name: str
@@ -64,15 +67,18 @@ class Case:
     strokes_ml: tuple[float, ...] = ()
     supply: Syringe | None = None
     cycle: bool = False
+    program: Program = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
             raise CaseError(f"name {self.name!r} cannot name files; use letters, digits, '_', '-', '+' and '.'")
-        if sum(map(bool, (self.pressures_cm, self.volumes_ml, self.strokes_ml))) != 1:
+        if sum(map(bool, (self.pressures_cm, self.volumes_ml, self.strokes_ml, self.program))) != 1:
             raise CaseError(
                 "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
-                "(--supply syringe --stroke-ml), one of these"
+                "(--supply syringe --stroke-ml), or in a case file a series for each cavity (cavity1.pressure_cm), one of these"
             )
+        if self.program:
+            self._check_program()
         if self.cycle and not self.pressures_cm:
             raise CaseError("--cycle raises and lowers a pressure; give --pressure-cm with it")
         if self.cycle and self.control != "auto":
@@ -113,6 +119,19 @@ class Case:
             raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
         self._check_sizes()
 
+    def _check_program(self) -> None:
+        count = len(self.actuator.ratios)
+        if len(self.program) != count:
+            raise CaseError(
+                f"[load] tells of {len(self.program)} cavities and the device has {count}; give a series for each"
+            )
+        if self.actuator.ratios != (1.0,) * count:
+            raise CaseError(
+                "pressure_ratios and a series for each cavity say the same thing twice; leave out the ratios"
+            )
+        if self.cycle or self.control not in ("auto", "arc-length"):
+            raise CaseError("a series for each cavity is followed under control auto or arc-length, and without cycle")
+
     def _check_sizes(self) -> None:
         """Refuse numbers that only a mistaken unit gives: the solver would take them, or fail without saying why."""
         mu = self.material.shear_modulus_0
@@ -122,10 +141,10 @@ class Case:
                 f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are taken)"
             )
         if self.pressures_cm and (most := self.pressures_cm[-1] * self.cm) > STIFFNESS_RANGE * mu:
-            raise CaseError(
-                f"a pressure of {self.pressures_cm[-1]:g} cm ({most / 1e3:.4g} kPa) against a shear modulus of "
-                f"{mu / 1e3:.4g} kPa cannot be meant: check the units of both (silicones have 5 to 500 kPa)"
-            )
+            raise CaseError(_too_much(self.pressures_cm[-1], most, mu))
+        for series in self.program:
+            if not series.is_volume and (most := max(series.values) * self.cm) > STIFFNESS_RANGE * mu:
+                raise CaseError(_too_much(max(series.values), most, mu))
         cavity = self.actuator.cavity_volume
         if self.volumes_ml and self.volumes_ml[-1] * 1e-6 > VOLUME_RANGE * cavity:
             raise CaseError(
@@ -140,34 +159,41 @@ class Case:
 
     @property
     def goals(self) -> tuple[float, ...]:
-        """Requested pressures in Pa, added volumes or strokes in m3."""
+        """Requested pressures in Pa, added volumes or strokes in m3; none of a program."""
         return tuple(p * self.cm for p in self.pressures_cm) or tuple(v * 1e-6 for v in self.values)
 
     @property
     def quantity(self) -> str:
-        """What is requested: ``"pressure"``, ``"volume"`` or ``"stroke"``."""
+        """What is requested: ``"pressure"``, ``"volume"``, ``"stroke"`` or a program's ``"step"``."""
+        if self.program:
+            return "step"
         return "pressure" if self.pressures_cm else "volume" if self.volumes_ml else "stroke"
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Requested values in `unit`."""
+        """Requested values in `unit`; of a program the numbers of its steps."""
+        if self.program:
+            rest = programs.begins_at_rest(self.program)
+            return tuple(float(k) for k in range(1 - rest, len(self.program[0].values) + 1 - rest))
         return self.pressures_cm or self.volumes_ml or self.strokes_ml
 
     @property
     def column(self) -> str:
         """Column of ``path.csv`` that holds what is requested."""
-        return {"pressure": "pressure_cm", "volume": "added_volume_ml", "stroke": "stroke_ml"}[self.quantity]
+        return {"pressure": "pressure_cm", "volume": "added_volume_ml", "stroke": "stroke_ml", "step": "load_step"}[
+            self.quantity
+        ]
 
     @property
     def unit(self) -> str:
-        return "cm" if self.pressures_cm else "ml"
+        return {"pressure": "cm", "step": ""}.get(self.quantity, "ml")
 
     def to_toml(self) -> str:
         """Text of a case file that repeats this case exactly."""
         import tomli_w
 
-        key = {"pressure": "pressure_cm", "volume": "volume_ml", "stroke": "stroke_ml"}[self.quantity]
-        load: dict[str, Any] = {key: list(self.values)}
+        keys = {"pressure": "pressure_cm", "volume": "volume_ml", "stroke": "stroke_ml"}
+        load: dict[str, Any] = programs.to_tables(self.program) or {keys[self.quantity]: list(self.values)}
         load["water_density"] = exact_text(self.water_density, "kg/m^3")
         tables: dict[str, Any] = {
             "name": self.name,
@@ -202,7 +228,8 @@ class Case:
             if not isinstance(tables.get(table, {}), dict):
                 raise CaseError(f"{table} is {tables[table]!r}; it must be a table, which begins with a line [{table}]")
         load, solver = tables.get("load", {}), tables.get("solver", {})
-        _known(load, "[load]", ("pressure_cm", "volume_ml", "stroke_ml", "water_density", "control", "cycle"))
+        program = {name: load[name] for name in load if name.startswith("cavity")}
+        _known(load, "[load]", ("pressure_cm", "volume_ml", "stroke_ml", "water_density", "control", "cycle", *program))
         _known(solver, "[solver]", ("formulation",))
         for table in ("geometry", "load"):
             if table not in tables:
@@ -224,8 +251,9 @@ class Case:
                 cycle=_flag(load.get("cycle", False)),
                 strokes_ml=series(load.get("stroke_ml", ()), "stroke"),
                 supply=supply_table.from_table(tables["supply"]) if "supply" in tables else None,
+                program=programs.from_tables(program) if program else (),
             )
-        except (GeometryError, MaterialError, SupplyError) as error:
+        except (GeometryError, MaterialError, SupplyError, ProgramError) as error:
             raise CaseError(str(error)) from None
 
     @classmethod
@@ -237,6 +265,13 @@ class Case:
             raise CaseError(f"case file {path} cannot be read ({getattr(error, 'strerror', None) or error})") from None
         except CaseError as error:
             raise CaseError(f"{path}: {error}") from None
+
+
+def _too_much(cm: float, pressure: float, mu: float) -> str:
+    return (
+        f"a pressure of {cm:g} cm ({pressure / 1e3:.4g} kPa) against a shear modulus of {mu / 1e3:.4g} kPa cannot be meant: "
+        "check the units of both (silicones have 5 to 500 kPa)"
+    )
 
 
 def _known(table: Mapping[str, Any], where: str, names: tuple[str, ...]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typing import Any
 from geometries import Actuator
 from softmodels.case import Case
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
+from softmodels.program import step_text
 from softmodels.results import Results, write_text
 from softmodels.silicones import SILICONES, named, stretch_at_break
 from softmodels.stability_report import events, stability_text
@@ -40,6 +42,31 @@ def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
         f"{at.added_volume * 1e6:.4g} ml; beyond it the device balloons. Stay below (with 25 % margin: "
         f"{0.8 * at.pressure / case.cm:.4g} cm), take {device.stiffer} or a stiffer silicone, or drive it by volume past "
         "the limit (--volume-ml, or --control volume)"
+    )
+
+
+def explain_step(case: Case, end: Any, rows: Sequence[Mapping[str, Any]], come: float) -> str:
+    """The same of a program's step."""
+    number = math.floor(come) + 1
+    at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
+    count = len(case.program)
+    place = ", ".join(
+        f"cavity{i} at {at[f'pressure_{i}_cm']:.4g} cm with {at[f'added_volume_{i}_ml']:.4g} ml added" if count > 1 else
+        f"{at['pressure_cm']:.4g} cm with {at['added_volume_ml']:.4g} ml added"
+        for i in range(1, count + 1)
+    )  # fmt: skip
+    asked = f"step {number} of the program ({step_text(case.program, number)})"
+    gauge = case.actuator.gauge
+    moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
+    if end.limit is None:
+        return (
+            f"{asked} was not reached: {end}. The last state has {place}, and {moved}. Steps down to a thousandth of the first "
+            "were tried; refine the mesh (cell_size), or look at the last state for cells that fold"
+        )
+    return (
+        f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it a "
+        f"cavity balloons. Stay below, take {case.actuator.stiffer} or a stiffer silicone, or give that cavity's added volume "
+        "(volume_ml) in place of its pressure"
     )
 
 

@@ -2,8 +2,9 @@
 
 Pi(u, p; P) = int shape(F) + p (J - 1) - p^2 / (2 bulk) dX - P V(u)
 
-Residual and tangent are its derivatives, so the follower pressure's stiffness and the symmetry come along. Inside, lengths
-are in sizes of the device and stresses in shear moduli.
+With several cavities V is a sum of theirs, and others' pressures work on their own volumes (`softmodels.drive`). Residual
+and tangent are its derivatives, so the follower pressure's stiffness and the symmetry come along. Inside, lengths are in sizes of
+the device and stresses in shear moduli.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy.typing as npt
 from softmodels.body import QUADRATURE_DEGREE, Body, BodyError, in_section
 from softmodels.bordered import Bordered
 from softmodels.controls import Control, Curve, pressure_control
+from softmodels.drive import Drive
 from softmodels.materials import Material, MaterialError
 from softmodels.parallel import largest, total
 from softmodels.sheet import Sheet, membrane_energy
@@ -45,9 +47,10 @@ class State:
     """A state of equilibrium, dimensionless.
 
     Attributes:
-        w: Local dof values with ghosts, shape (n,): skew displacement components and, if mixed, p.
+        w: Local dof values with ghosts, shape (n,): skew displacement components and, if mixed, p; behind them, where
+            volumes are held, those cavities' pressures.
         P: Cavity pressure.
-        V: Volume of the cavity, of the slice in 3-D.
+        V: Volume of the cavity, of the slice in 3-D; with several cavities what P works on.
         iterations: Newton iterations that led here.
     """
 
@@ -114,18 +117,28 @@ class Equilibrium:
         self.set_material(material)
         self.displacement = y
         strain = Strain(body.deformation_gradient(y))
-        volume = body.volume(y)
-        load = ufl.derivative(volume, self.w, test)
         jit = {"cffi_extra_compile_args": ["-O2"]}
         self.form = form = functools.partial(fem.form, jit_options=jit)
-        self._volume, self._load = form(volume), form(load)
+        self.drive = Drive.proportional(body.actuator.ratios)
+        volumes = body.volumes(y)
+        loads = [ufl.derivative(volume, self.w, test) for volume in volumes]
+        volume, pressures = volumes[0], self.P * loads[0]
+        self._shares: list[tuple[Any, Any]] = []  # of P, and apart from it; constants, so that others compile nothing
+        self._volumes, self._loads = [form(volume)], [form(loads[0])]
+        if body.actuator.ratios != (1.0,):
+            self._shares = [(fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)) for _ in volumes]
+            volume = sum(along * own for (along, _), own in zip(self._shares, volumes, strict=True))
+            pressures = sum(
+                (along * self.P + apart) * load for (along, apart), load in zip(self._shares, loads, strict=True)
+            )
+            self._volumes, self._loads = [form(own) for own in volumes], [form(load) for load in loads]
         self._direction = fem.Function(self.space)
         # Every term of the potential has forms of its own, added up when assembled: bodies share the law's, laws the load's.
         energies = self.energies(self.density(self.parameters, self.bulk), self._stiffness)
         self._stored = [form(energy) for energy in energies]
         forces = [ufl.derivative(energy, self.w, test) for energy in energies]
         self._inner = [form(force) for force in forces]
-        forces.append(-self.P * load)
+        forces.append(-pressures)
         self.forces, self.cavity_volume = forces, volume
         self._product = [form(ufl.derivative(force, self.w, self._direction)) for force in forces]
         self._tangent = [form(ufl.derivative(force, self.w, trial)) for force in forces]
@@ -137,13 +150,14 @@ class Equilibrium:
         self.K.setOption(self.K.Option.SYMMETRIC, True)
         self.K.setOption(self.K.Option.SYMMETRY_ETERNAL, True)
         self.system = Bordered(self.K, self._multiply)
+        self._set_pressures(0.0, np.empty(0))
         self._vector = fem.Function(self.space)
         self.points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE)
         self._J = fem.Expression(strain.J, self.points, jit_options=jit)
         self.snes: Any = None
         self.anchor: Any = None
         self.cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
-        self.n = self.system.n
+        self.n, self.dofs = self.system.n, len(self.w.x.array)
         self._make_solver()
         self._check_volume()
 
@@ -207,11 +221,18 @@ class Equilibrium:
     # -- assembly -----------------------------------------------------------------------------------------------------
 
     def _take(self, x: Any) -> float:
-        body, P = self.system.split(x)
+        body, scalars = self.system.split(x)
         self.w.x.array[: self.n] = body
         self.w.x.scatter_forward()
+        self._set_pressures(float(scalars[0]), scalars[1:])
+        return float(scalars[0])
+
+    def _set_pressures(self, P: float, multipliers: npt.NDArray[np.float64]) -> None:
         self.P.value = P
-        return P
+        self.pressures = self.drive.pressures(P, multipliers)
+        for i, (along, apart) in enumerate(self._shares):
+            along.value = self.drive.along[i]
+            apart.value = self.pressures[i] - P * self.drive.along[i]
 
     def _assemble(self, forms: list[Any]) -> npt.NDArray[np.float64]:
         """Sum of assembled linear forms, owned entries, zero at held dofs."""
@@ -231,9 +252,34 @@ class Equilibrium:
 
         return total(self.comm, fem.assemble_scalar(form))
 
+    def take_over(self, drive: Drive, state: State) -> State:
+        """Drive the cavities another way from a state on.
+
+        Returns:
+            The same state as the new drive counts it, with P = 0.
+        """
+        self.load(state)
+        pressures, held = self.pressures, len(self.drive.held)
+        self.drive = drive
+        if len(drive.held) != held:
+            self._drop_solver()
+            self.system = Bordered(self.K, self._multiply, len(drive.held))
+            self._make_solver()
+        start = State(np.concatenate([state.w[: self.dofs], drive.multipliers(pressures)]), 0.0, 0.0)
+        self.load(start)
+        return dataclasses.replace(start, V=self.volume())
+
+    def pressures_at(self, state: State) -> npt.NDArray[np.float64]:
+        """Pressure of each cavity at a state, shape (k,)."""
+        return self.drive.pressures(state.P, state.w[self.dofs :])
+
     def volume(self) -> float:
-        """Cavity volume of the current state."""
-        return self._scalar(self._volume)
+        """Volume that P works on, of the current state."""
+        return float(self.drive.along @ self.volumes())
+
+    def volumes(self) -> npt.NDArray[np.float64]:
+        """Volume of each cavity in the current state, shape (k,)."""
+        return np.array([self._scalar(volume) for volume in self._volumes])
 
     def stored_energy(self) -> float:
         """Energy stored in the body in the current state."""
@@ -251,7 +297,7 @@ class Equilibrium:
         dofs = fem.locate_dofs_topological(vectors.sub(component), dimension, found)
         b = self._vector.x
         total_force = 0.0
-        for form, factor in (*((form, -1.0) for form in self._inner), (self._load, float(self.P.value))):
+        for form, factor in (*((form, -1.0) for form in self._inner), *zip(self._loads, self.pressures, strict=True)):
             b.array[:] = 0.0
             fem.assemble_vector(b.array, form)
             b.scatter_reverse(la.InsertMode.add)
@@ -265,13 +311,25 @@ class Equilibrium:
 
     def _residual(self, snes: Any, x: Any, f: Any) -> None:
         P = self._take(x)
-        self.system.q.array_w[:] = self._assemble([self._load])
+        loads, drive, control = self._set_columns(), self.drive, self.control
         inner = self._assemble(self._inner)
-        control = self.control
-        measured = (self.volume() if self.anchor is None else self._along()) if control.needs_volume else 0.0
+        volumes = self.volumes() if control.needs_volume or len(drive.held) else np.zeros(len(loads))
+        measured = float(drive.along @ volumes) if self.anchor is None else self._along()
         gap = control.weight * (control.value(measured, P) - control.target)
         self.system.control = control.line(measured, P)  # Newton's matrix at this iterate has the control's tangent
-        self.system.join(f, inner - P * self.system.q.array_r, gap)
+        self.system.join(f, inner - self.pressures @ loads, [gap, *(drive.held @ volumes - drive.kept)])
+        self._load_size = float(np.abs(self.pressures) @ self._norms(loads))
+
+    def _set_columns(self) -> npt.NDArray[np.float64]:
+        """Put the current state's loads in the system's border; each cavity's load of a unit pressure, shape (k, n)."""
+        loads = np.array([self._assemble([load]).copy() for load in self._loads])
+        rows = [self.drive.along, *self.drive.held]
+        for column, row in zip(self.system.columns, rows, strict=True):
+            column.array_w[:] = row @ loads
+        return loads
+
+    def _norms(self, loads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return np.sqrt([total(self.comm, float(load @ load)) for load in loads])
 
     def _along(self) -> float:
         """How far the current state has gone from the anchor along its force."""
@@ -381,7 +439,7 @@ class Equilibrium:
             return reasons.DIVERGED_FNORM_NAN
         if iteration == 0:
             self._first = residual
-        tolerance = TOLERANCE * max(abs(float(self.P.value)), FLOOR) * self.system.q.norm()
+        tolerance = TOLERANCE * max(self._load_size, FLOOR * self.system.q.norm())
         # Forces in a thin wall cancel to a part in 1e9 of themselves; what rounding leaves of them Newton cannot mend.
         settled = iteration >= 2 and residual > 0.5 * self._before and residual <= ROUNDING * tolerance
         if residual <= tolerance or settled:
@@ -403,24 +461,28 @@ class Equilibrium:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
         self.control = control
-        self.system.join(self._x, w[: self.n], P)
+        self.system.join(self._x, w[: self.n], [P, *w[self.dofs :]])
         self.snes.solve(None, self._x)
         reason = self.snes.getConvergedReason()
         if reason <= 0:
             self.age = STALE + 1  # what led here is no preconditioner to go on with
             raise NoConvergence(_REASONS.get(reason, f"PETSc's reason {reason}"))
         P = self._take(self._x)
-        return State(self.w.x.array.copy(), P, self.volume(), self.snes.getIterationNumber())
+        return State(self._unknowns(self._x), P, self.volume(), self.snes.getIterationNumber())
+
+    def _unknowns(self, x: Any) -> npt.NDArray[np.float64]:
+        """What `State.w` holds of a vector of the whole system; the functions have been given it."""
+        return np.concatenate([self.w.x.array, self.system.split(x)[1][1:]])
 
     def load(self, state: State) -> None:
         """Make ``state`` the current state of the functions."""
-        self.w.x.array[:] = state.w
-        self.P.value = state.P
+        self.w.x.array[:] = state.w[: self.dofs]
+        self._set_pressures(state.P, state.w[self.dofs :])
 
     def factorise(self, state: State) -> None:
         """Factorise the tangent at ``state``, to be kept for the solves that follow."""
         self.load(state)
-        self.system.q.array_w[:] = self._assemble([self._load])
+        self._set_columns()
         self._assemble_tangent()
         self.system.factorise()
         self.age, self._adrift = 0, False
@@ -442,7 +504,7 @@ class Equilibrium:
     def _border(self, state: State, control: Control) -> None:
         """Set the system's border for linear answers at a state, the control's line held."""
         self.load(state)
-        self.system.q.array_w[:] = self._assemble([self._load])
+        self._set_columns()
         self.system.control = control
         self.system.refresh()
 
@@ -461,7 +523,7 @@ class Equilibrium:
         """
         system, ksp = self.system, self.snes.getKSP()
         rhs, x = self._f, self._x
-        system.join(rhs, force, gap)
+        system.join(rhs, force, [gap, *np.zeros(len(system.held))])
         system.mat.assemble()
         ksp.setOperators(system.mat)
         ksp.setTolerances(rtol=tolerance)
@@ -469,12 +531,13 @@ class Equilibrium:
         self.age += ksp.getIterationNumber()
         if ksp.getConvergedReason() <= 0:
             raise NoConvergence("the linear solver failed on the state's linear response")
-        body, dP = system.split(x)
+        body, pressures = system.split(x)
         direction = self._direction.x
         direction.array[: self.n] = body
         direction.scatter_forward()
         self._y.array_w[:] = body
-        return Tangent(direction.array.copy(), dP, system.q.dot(self._y))
+        w = np.concatenate([direction.array, pressures[1:]])
+        return Tangent(w, float(pressures[0]), system.q.dot(self._y))
 
     def compliance(self, state: State, load: npt.NDArray[np.float64]) -> float:
         """Work of a dead load (owned entries, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
@@ -486,7 +549,7 @@ class Equilibrium:
         system, rhs, x = self.system, self._f, self._x
         ksp: Any = self._side
         system.control = pressure_control(0.0)
-        system.join(rhs, load, 0.0)
+        system.join(rhs, load, np.zeros(system.scalars))
         system.mat.assemble()
         ksp.setOperators(system.mat)
         ksp.solve(rhs, x)
@@ -522,17 +585,21 @@ class Equilibrium:
         PETSc's solvers refer to this object and it to them, a cycle that Python cannot see. Whoever solves many devices in
         one process would run out of MPI's communicators.
         """
+        self._drop_solver()
+        self.K.destroy()
+
+    def _drop_solver(self) -> None:
         self.snes.destroy()
         self._side.destroy()
         self.system.release()
-        for thing in (self._x, self._f, self._y, self.K):
+        for thing in (self._x, self._f, self._y):
             thing.destroy()
 
     def rest(self) -> State:
         """The undeformed state at no pressure."""
-        self.w.x.array[:] = 0.0
-        self.P.value = 0.0
-        return State(self.w.x.array.copy(), 0.0, self.volume())
+        state = State(np.zeros(self.dofs + len(self.drive.held)), 0.0, 0.0)
+        self.load(state)
+        return dataclasses.replace(state, V=self.volume())
 
 
 _REASONS = {

@@ -53,12 +53,16 @@ class Figures:
     Extremes of stretch and stress are over the integration points. Those of J are over the cells' means: elements that
     keep the volume do so in the mean, and their single points scatter around it by an error of the mesh.
 
+    ``cavity_pressures`` and ``cavity_volumes`` (added ones) are of each cavity. ``added_volume`` is what a pressure common to
+    all works on: their sum, or the sum of their products with the device's pressure ratios.
     ``rises`` are the probes' displacements along the lift, ``device`` is what `Actuator.device_figures` makes of their
     places, ``max_stretch_at`` the undeformed place of the largest stretch in device coordinates.
     """
 
     pressure: float
     added_volume: float
+    cavity_pressures: tuple[float, ...]
+    cavity_volumes: tuple[float, ...]
     rises: dict[str, float]
     device: dict[str, float]
     max_displacement: float
@@ -110,6 +114,7 @@ class Fields:
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))
         self.rest_volume = equilibrium.rest().V
+        self._rest_volumes = equilibrium.volumes()
         self._places = fem.Expression(ufl.SpatialCoordinate(equilibrium.body.mesh), equilibrium.points, **options)
         self._push: npt.NDArray[np.float64] | None = None
         self._probes = {name: self._owner(point) for name, point in equilibrium.body.actuator.probes.items()}
@@ -167,9 +172,13 @@ class Fields:
             return largest(eq.comm, float(values.max()) if values.size else -math.inf)
 
         peak = most(stretches)
+        added = (eq.volumes() - self._rest_volumes) * eq.volume_unit
+        pressures = eq.pressures_at(state) * eq.stress_unit
         return Figures(
             pressure=state.P * eq.stress_unit,
-            added_volume=(state.V - self.rest_volume) * eq.volume_unit,
+            added_volume=float(actuator.ratios @ added),
+            cavity_pressures=tuple(pressures.tolist()),
+            cavity_volumes=tuple(added.tolist()),
             rises={name: float(shift @ lift) for name, shift in moved.items()},
             device={
                 **actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),

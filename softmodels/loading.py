@@ -96,6 +96,7 @@ class Path:
         largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
         supply: The syringe's gas law, where strokes are requested.
         farthest: Cavity volumes at which a path to a pressure is given up.
+        start: Where the path begins; the undeformed state if None.
     """
 
     equilibrium: Equilibrium
@@ -104,6 +105,7 @@ class Path:
     largest_step: float = math.inf
     supply: Stroke | None = None
     farthest: float = FARTHEST
+    start: State | None = None
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
@@ -115,25 +117,29 @@ class Path:
         self.report: Callable[[str], None] = lambda text: None
         self.stability = Stability.of(self.equilibrium)
 
-    # -- scales, from the undeformed device ---------------------------------------------------------------------------
+    # -- scales, from the device as it starts ---------------------------------------------------------------------------
 
     def begin(self) -> Point:
-        """The undeformed point; sets the scales of the plane in which arc lengths are measured."""
+        """The path's first point; sets the scales of the plane in which arc lengths are measured."""
         eq = self.equilibrium
         rest = eq.rest()
-        eq.factorise(rest)
-        self.V0 = rest.V
-        tangent = eq.tangent(rest, Control(1 / self.V0, 1.0, 0.0))
-        self.P_scale = self.V0 / tangent.compliance
-        self.first_steps = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V0, "arc-length": 0.1}
+        self.V_scale = float(np.abs(eq.drive.along) @ eq.volumes())
+        start = rest if self.start is None else self.start
+        eq.factorise(start)
+        self.V0 = start.V
+        tangent = eq.tangent(start, Control(1 / self.V_scale, 1.0, 0.0))
+        self.P_scale = self.V_scale / abs(tangent.compliance)
+        if (tangent.P if self.quantity == "pressure" else tangent.V) < 0.0:  # it starts where the device is unstable
+            tangent = Tangent(-tangent.w, -tangent.P, -tangent.V)
+        self.first_steps = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V_scale, "arc-length": 0.1}
         if self.supply is not None:
             a, b = self.supply.slopes(self.V0, 0.0)
-            self.first_steps["stroke"] = 0.1 * (a * self.V0 + b * self.P_scale)
+            self.first_steps["stroke"] = 0.1 * (a * self.V_scale + b * self.P_scale)
         step, stiffest = self.first_steps[self.line], abs(tangent.compliance)
         self.stability.start()
         self.stability.settle()
         signature = self.stability.signature(exact=True)
-        return self.keep(Point(rest, tangent, False, False, step, self.line, True, eq.age, stiffest, signature))
+        return self.keep(Point(start, tangent, False, False, step, self.line, True, eq.age, stiffest, signature))
 
     def resume(self, points: Sequence[Point]) -> None:
         """Go on from the last points of an earlier trace: same predictor, same factorisation, same numbers."""
@@ -172,9 +178,9 @@ class Path:
         """Direction at a state, kept pointing forward; measured square to the last direction, so regular at limits."""
         if self.points:
             t = self.last.tangent
-            line = arc_length(0.0, 0.0, t.V, t.P, 0.0, self.V0, self.P_scale)
+            line = arc_length(0.0, 0.0, t.V, t.P, 0.0, self.V_scale, self.P_scale)
         else:
-            line = Control(1 / self.V0, 1.0, 0.0)
+            line = Control(1 / self.V_scale, 1.0, 0.0)
         return self.equilibrium.tangent(state, line, tolerance)
 
     def ahead(self, step: float) -> Curve:
@@ -186,7 +192,7 @@ class Path:
             return pressure_control(s.P + step)
         if self.line == "volume":
             return volume_control(s.V + step)
-        return arc_length(s.V, s.P, t.V, t.P, step, self.V0, self.P_scale)
+        return arc_length(s.V, s.P, t.V, t.P, step, self.V_scale, self.P_scale)
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
         """The state on a line, guessed by the cubic through one or two points and their tangents."""
@@ -247,8 +253,8 @@ class Path:
     def _check_branch(self, state: State) -> None:
         """Refuse a state that Newton found somewhere else: behind the last one, or with its cavity turned inside out."""
         s, t = self.last.state, self.last.tangent
-        along = (state.V - s.V) * t.V / self.V0**2 + (state.P - s.P) * t.P / self.P_scale**2
-        if state.V <= 0.0 or along <= 0.0:
+        along = (state.V - s.V) * t.V / self.V_scale**2 + (state.P - s.P) * t.P / self.P_scale**2
+        if self.equilibrium.volumes().min() <= 0.0 or along <= 0.0:
             raise NoConvergence("it jumped to another branch")
 
     def choose(self, past_limit: bool) -> None:
@@ -272,7 +278,7 @@ class Path:
             assert self.supply is not None
             a, b = self.supply.slopes(s.V, s.P)
             return a * t.V + b * t.P
-        return {"pressure": t.P, "volume": t.V}.get(quantity, math.hypot(t.V / self.V0, t.P / self.P_scale))
+        return {"pressure": t.P, "volume": t.V}.get(quantity, math.hypot(t.V / self.V_scale, t.P / self.P_scale))
 
     def longest(self) -> float:
         """The longest step allowed, in units of what the path is following."""
@@ -286,7 +292,7 @@ class Path:
         self.report(f"following the {line} from here")
         step = abs(self.last.step * self.rate(line) / self.rate(self.line))
         if line == "volume":
-            step = min(step, 0.2 * self.last.state.V)
+            step = min(step, 0.2 * max(self.last.state.V, self.V_scale))
         self.line = line
         self.points[-1] = dataclasses.replace(self.last, step=step, line=line)
 
@@ -342,7 +348,7 @@ class Path:
             state = self.solve(volume_control(V), (low, high))
             best = dataclasses.replace(high, state=state, tangent=self.tangent(state, 1e-9))
             value = f(best)
-            if abs(value) <= 1e-7 * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.V0:
+            if abs(value) <= 1e-7 * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.V_scale:
                 break
             if (value > 0) == (f_high > 0):
                 high, f_high = best, value
@@ -445,5 +451,5 @@ def _check_end(path: Path, met: Point | None) -> None:
     added = path.last.state.V - path.V0
     if met is not None and path.ends_past(met) and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
         raise PathEnd("the pressure has a limit point", met)
-    if path.quantity == "pressure" and added > path.farthest * path.V0:
+    if path.quantity == "pressure" and added > path.farthest * path.V_scale:
         raise PathEnd(f"the cavity has grown {path.farthest:g} times and the requested value was not met", met)

@@ -53,13 +53,14 @@ def is_root(comm: Any) -> bool:
     return bool(comm.rank == 0)
 
 
-def owns_scalar(comm: Any) -> bool:
-    """Whether this rank holds the one global unknown, the cavity pressure: the last one."""
+def owns_scalars(comm: Any) -> bool:
+    """Whether this rank holds the global unknowns, the cavities' pressures: the last one."""
     return bool(comm.rank == comm.size - 1)
 
 
-def scalar_from_owner(comm: Any, value: float) -> float:
-    return float(comm.bcast(value, root=comm.size - 1))
+def scalars_from_owner(comm: Any, values: Any) -> Any:
+    """The owner's array, on all ranks."""
+    return comm.bcast(values, root=comm.size - 1)
 
 
 def on_root[T](comm: Any, task: Callable[[], T]) -> T:

@@ -19,7 +19,7 @@ import numpy as np
 
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
-from softmodels.closing import close, explain
+from softmodels.closing import close, explain, explain_step
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.materials import MaterialError
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, STOPPED, RunError
@@ -121,8 +121,9 @@ def _prepare(case: Case, results: Results, resume: bool) -> bool:
     folder, file = results.folder, results.folder / "case.toml"
     if resume and file.exists():
         check_same(case, Case.from_file(file), folder)
-        if case.cycle and results.heavy.exists():
-            raise RunError("a run with --cycle cannot be gone on with; run it without --resume", BAD_INPUT)
+        if (case.cycle or case.program) and results.heavy.exists():
+            what = "a run with --cycle" if case.cycle else "a run with a series for each cavity"
+            raise RunError(f"{what} cannot be gone on with; run it without --resume", BAD_INPUT)
         if results.heavy.exists():
             results.load()
             drop_between(case, results)
@@ -168,6 +169,10 @@ def _follow(
     cells = body.mesh.topology.index_map(body.mesh.topology.dim).size_global
     progress.say(f"{cells} cells, {dofs} unknowns, {comm.size} rank{'s' if comm.size > 1 else ''}")
 
+    if case.program:
+        if branch:
+            progress.say("--branch does not follow programs; it is left out")
+        return _follow_program(case, results, fields, comm, progress, stopped)
     scale = equilibrium.stress_unit if case.pressures_cm else equilibrium.volume_unit
     goals = [goal / scale for goal in case.goals]
     supply = None
@@ -194,11 +199,38 @@ def _follow(
             _follow_branch(case, results, fields, comm, progress, path, bifurcations)
     except PathEnd as end:
         raise RunError(explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED) from end
-    except NoConvergence as failure:  # at the first state or a limit point, where there is no step to shorten
-        raise RunError(
-            f"the path could not be followed ({failure}); leave out PETSc's options if there are any, refine the mesh "
-            "(--cell-size), or use another --control"
-        ) from failure
+    except NoConvergence as failure:
+        raise _lost(failure) from failure
+    return ""
+
+
+def _lost(failure: Exception) -> RunError:
+    """At the first state or a limit point, where there is no step to shorten."""
+    return RunError(
+        f"the path could not be followed ({failure}); leave out PETSc's options if there are any, refine the mesh "
+        "(--cell-size), or use another --control"
+    )
+
+
+def _follow_program(
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: list[int]
+) -> str:
+    """Take the device through its program, and write every state."""
+    from softmodels.equilibrium import NoConvergence
+    from softmodels.loading import PathEnd
+    from softmodels.program import follow
+
+    on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
+    come = 0.0
+    try:
+        for come, point in follow(fields.equilibrium, case.program, case.cm, case.control, progress.say):
+            _keep(case, results, fields, comm, progress, point, come)
+            _stop_if_asked(comm, stopped)
+    except PathEnd as end:
+        rows = on_root(comm, lambda: results.rows)
+        raise RunError(explain_step(case, end, rows, come), NO_EQUILIBRIUM if end.limit else FAILED) from end
+    except NoConvergence as failure:
+        raise _lost(failure) from failure
     return ""
 
 
@@ -247,8 +279,23 @@ def _driven(case: Case, fields: Any, figures: Any) -> dict[str, float]:
     return {"stroke_ml": stroke * 1e6, **taken}
 
 
-def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any) -> None:
-    """Write one point of the path."""
+def _of_cavities(case: Case, figures: Any, come: float) -> dict[str, float]:
+    """The columns that tell of each cavity, where there are several."""
+    each = {
+        f"{what}_{i + 1}_{unit}": value * scale
+        for what, unit, values, scale in (
+            ("pressure", "cm", figures.cavity_pressures, 1 / case.cm),
+            ("added_volume", "ml", figures.cavity_volumes, 1e6),
+        )
+        for i, value in enumerate(values)
+    }
+    return {**({"load_step": come} if case.program else {}), **(each if len(figures.cavity_volumes) > 1 else {})}
+
+
+def _keep(
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any, come: float = 0.0
+) -> None:
+    """Write one point of the path; ``come`` is how many steps a program has come."""
     figures, nodal = fields.figures(point.state), fields.nodal(point.state)
     limit = stretch_at_break(case.material)
     restart = {
@@ -262,17 +309,20 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
         nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
 
     driven = _driven(case, fields, figures)
+    # Of a program's pressures the highest stands for all.
+    pressure = max(figures.cavity_pressures) if case.program else figures.pressure
 
     def write() -> None:
-        height = figures.pressure / case.cm
+        height = pressure / case.cm
         if point.requested and case.pressures_cm:  # as it was typed, without the rounding of two conversions
             height = min(case.pressures_cm, key=lambda asked: abs(asked - height))
         row = {
             "step": len(results.stored),
             "pressure_cm": height,
-            "pressure_Pa": figures.pressure,
+            "pressure_Pa": pressure,
             "added_volume_ml": figures.added_volume * 1e6,
             **driven,
+            **_of_cavities(case, figures, come),
             **{f"{name}_mm": rise * 1e3 for name, rise in figures.rises.items()},
             **figures.device,
             "max_displacement_mm": figures.max_displacement * 1e3,

@@ -7,6 +7,7 @@ volume where it is so on those that keep the volume. Both follow from the inerti
   leaves the displacements' own stiffness (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5). What is beyond n_p is the
   *excess*: the number of directions in which the energy falls.
 * Holding the volume takes one of them away where the compliance dV/dP = q.K^-1 q is negative.
+* Volumes that are held whatever the path follows are taken into account in both (`Bordered.negatives`).
 
 Eigenvalues are of K x = lambda M x with the displacement's mass matrix M (of unit density): they do not depend on the mesh's
 cells, and lambda / density is the square of a natural frequency. M has no entries for p, which is then slaved to u.
@@ -171,7 +172,7 @@ class Stability:
             count: How many at least.
 
         Returns:
-            Pairs of eigenvalue (dimensionless) and mode: local dofs with ghosts, shape as `State.w`, largest entry 1.
+            Pairs of eigenvalue (dimensionless) and mode: shape as `State.w`, largest entry 1.
         """
         self.equilibrium.factorise(state)
         return self._pairs(count)
@@ -213,7 +214,8 @@ class Stability:
         function.x.array[: self.equilibrium.n] = vector.array_r
         function.x.scatter_forward()
         low, high = vector.min()[1], vector.max()[1]
-        return np.array(function.x.array / (high if high >= -low else low))
+        scaled = function.x.array / (high if high >= -low else low)
+        return np.concatenate([scaled, np.zeros(len(self.equilibrium.drive.held))])
 
     def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
         """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode.

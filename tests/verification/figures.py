@@ -20,6 +20,8 @@ SECTION = HollowDisk.variant("shadow", section="axisymmetric", support="base", c
 
 def figures(comm, wedge: Path, slab: Path, section: Path) -> dict[str, list[float]]:
     """Key figures by state; the same on every rank."""
+    import numpy as np
+
     from softmodels.body import Body
     from softmodels.equilibrium import Equilibrium
     from softmodels.fields import Fields
@@ -35,7 +37,7 @@ def figures(comm, wedge: Path, slab: Path, section: Path) -> dict[str, list[floa
             if point.requested:
                 values = dataclasses.asdict(fields.figures(point.state))
                 values.update(values.pop("rises"), **values.pop("device"))
-                found[f"{name} at {point.state.P:g}"] = [*values.pop("max_stretch_at"), *values.values()]
+                found[f"{name} at {point.state.P:g}"] = np.hstack(list(values.values())).tolist()
         if name == "wedge":
             found["wedge, rates and outline"] = rates(equations, 0.1)
     equations = Equilibrium(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495))

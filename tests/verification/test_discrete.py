@@ -47,7 +47,7 @@ def shaken(equations, P=0.3, seed=7):
 def force(equations):
     """Residual of the current state: inner forces less the cavity pressure's."""
     inner = equations._assemble(equations._inner).copy()
-    return inner - float(equations.P.value) * equations._assemble([equations._load])
+    return inner - float(equations.P.value) * equations._assemble([equations._loads[0]])
 
 
 def own_assembly(equations, form):
@@ -84,7 +84,7 @@ def test_load_is_the_pressure_on_the_deformed_wall(device, bodies, equilibrium):
     """dV[v] of the volume's closed surface integral is the integral of v . n over the wall alone, whatever the state."""
     equations = equilibrium(device(bodies), LAWS["neo-hookean"])
     shaken(equations)
-    load = equations._assemble([equations._load]).copy()
+    load = equations._assemble([equations._loads[0]]).copy()
     assert load == pytest.approx(own_assembly(equations, traction(equations)), abs=1e-13 * np.abs(load).max())
     assert np.abs(load).max() > 1e-3
 

@@ -115,7 +115,7 @@ def test_stiffness_is_the_tangents(equilibrium, solved):
         equations.load(state)
         equations.w.x.array[: equations.n] += step * motion
         inner = equations._assemble(equations._inner).copy()
-        return inner - state.P * equations._assemble([equations._load])
+        return inner - state.P * equations._assemble([equations._loads[0]])
 
     step = 1e-5
     slope = (unbalanced(step) - unbalanced(-step)) / (2 * step)
