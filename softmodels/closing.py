@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import time
@@ -134,7 +135,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         if note := volume_note(row):
             print(f"softmodels: note: {note}", file=sys.stderr)
         print(
-            f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa): {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
+            f"{_loaded(row)}: {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
             f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
@@ -143,6 +144,13 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         pictures = f"; pictures (*.png), film.gif and report.html, in {took:.1f} s" if took is not None else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status
+
+
+def _loaded(row: Mapping[str, Any]) -> str:
+    cavities = [name for name in row if re.fullmatch(r"pressure_\d+_cm", name)]
+    if "load_step" in row and cavities:
+        return ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1))
+    return f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa)"
 
 
 def _bears(case: Case) -> str:

@@ -3,8 +3,8 @@
 Pi(u, p; P) = int shape(F) + p (J - 1) - p^2 / (2 bulk) dX - P V(u)
 
 With several cavities V is a sum of theirs, and others' pressures work on their own volumes (`softmodels.drive`). Residual
-and tangent are its derivatives, so the follower pressure's stiffness and the symmetry come along. Inside, lengths are in sizes of
-the device and stresses in shear moduli.
+and tangent are its derivatives, so the follower pressure's stiffness and the symmetry come along. Inside, lengths are in sizes
+of the device and stresses in shear moduli.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
-from softmodels.pages import Scale, number
+from softmodels.pages import Scale, cavity_columns, load, number
 from softmodels.rendering import Image, studio
 from softmodels.results import replace
 from softmodels.states import States
@@ -51,12 +51,14 @@ def frames(look: Look, count: int = FRAMES) -> list[Image]:
 
 
 def _caption(states: States, position: float) -> str:
-    column = f"{states.actuator.gauge}_mm"
-    pressure, rise = (
-        float(np.interp(position, range(len(states.rows)), [row[name] for row in states.rows]))
-        for name in ("pressure_cm", column)
-    )
-    return f"{number(pressure)} cm of water   {states.actuator.gauge} {rise:+.2f} mm"
+    gauge, first = states.actuator.gauge, states.rows[0]
+    names = [f"{gauge}_mm", "pressure_cm", *(["load_step"] if "load_step" in first else [])]
+    row = {
+        name: float(np.interp(position, range(len(states.rows)), [row[name] for row in states.rows]))
+        for name in [*names, *cavity_columns(first, "pressure", "cm")]
+    }
+    pressure = load(row) if "load_step" in row else f"{number(row['pressure_cm'])} cm of water"
+    return f"{pressure}   {gauge} {row[f'{gauge}_mm']:+.2f} mm"
 
 
 def _captioned(image: Image, text: str, scale: Scale) -> Image:

@@ -5,6 +5,7 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -42,13 +43,26 @@ CURVE, WARNING = "#2f6f9f", "#c0392b"
 
 def number(value: float) -> str:
     """A value for a label: at most one decimal, none if it is round."""
-    return f"{value:.1f}".removesuffix(".0")
+    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
+
+
+def load(row: Row) -> str:
+    """What a state is under, in words and units: its pressure, or where it is in a program and every cavity's pressure."""
+    if "load_step" not in row:
+        return f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
+    step = f"step {row['load_step']:.3g}"
+    each = cavity_columns(row, "pressure", "cm") or ["pressure_cm"]
+    return f"{step}: {' and '.join(number(row[name]) for name in each)} cm of water"
+
+
+def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
+    """The columns that tell of each of several cavities, such as ``pressure_1_cm``; empty if there is one cavity."""
+    return [name for name in row if re.fullmatch(rf"{what}_\d+_{unit}", name)]
 
 
 def headline(row: Row, gauge: str) -> str:
     """What a state is, in words and units."""
-    pressure = f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
-    return f"{pressure}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
+    return f"{load(row)}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
 
 
 def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:

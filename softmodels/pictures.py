@@ -15,7 +15,7 @@ import click
 import matplotlib
 import numpy as np
 
-from softmodels import film, plots, report, sections, stills
+from softmodels import film, plots, program_plots, report, sections, stills
 from softmodels.case import Case, CaseError
 from softmodels.pages import STYLE, headline
 from softmodels.rendering import can_render
@@ -76,7 +76,10 @@ def draw(folder: Path, name: str, say: Callable[[str], Any] = print) -> list[Pat
 
 def _curves(states: States, out: Folder) -> None:
     actuator = states.actuator
-    out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm))
+    if states.case.program:
+        out.save(actuator.gauge, program_plots.steps(states.rows, actuator.gauge))
+    else:
+        out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm))
     if not actuator.on_profile(states.points).any():
         return
     rest = plots.profile(states.points, np.zeros_like(states.points), actuator)

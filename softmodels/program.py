@@ -43,6 +43,10 @@ class Series:
     values: tuple[float, ...]
 
     @property
+    def unit(self) -> str:
+        return KEYS[self.key]
+
+    @property
     def is_volume(self) -> bool:
         return self.key == "volume_ml"
 
@@ -128,7 +132,7 @@ def step_text(program: Program, number: int) -> str:
     """What the cavities have at a step: ``"cavity1 60 cm, cavity2 2 ml added"``."""
     row = number - 1 + int(begins_at_rest(program))
     return ", ".join(
-        f"cavity{i + 1} {series.values[row]:g} {KEYS[series.key]}{' added' if series.is_volume else ''}"
+        f"cavity{i + 1} {series.values[row]:g} {series.unit}{' added' if series.is_volume else ''}"
         for i, series in enumerate(program)
     )
 

@@ -17,10 +17,10 @@ import matplotlib
 from PIL import Image as Picture
 
 from geometries import table as geometry_table
-from softmodels import material_table, plots
+from softmodels import material_table, plots, program_plots
 from softmodels.closing import volume_note
 from softmodels.outcomes import DONE, NO_EQUILIBRIUM
-from softmodels.pages import STYLE, number
+from softmodels.pages import STYLE, cavity_columns, load
 from softmodels.results import write_text
 from softmodels.states import States
 from softmodels.viewer import view
@@ -74,8 +74,8 @@ def ending(states: States, folder: Path) -> str:
     """How the run ended, in a sentence or two."""
     row, gauge = states.rows[states.main], states.actuator.gauge
     reached = (
-        f"At {number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.4g} kPa) the {gauge} has moved "
-        f"{row[f'{gauge}_mm']:+.4g} mm and the cavity has taken {row['added_volume_ml']:.4g} ml"
+        f"At {load(row)} the {gauge} has moved {row[f'{gauge}_mm']:+.4g} mm and "
+        f"{_taker(row)} taken {row['added_volume_ml']:.4g} ml"
     )
     if "max_stretch" in row:
         reached += f"; the largest stretch is {row['max_stretch']:.3g}"
@@ -89,10 +89,15 @@ def ending(states: States, folder: Path) -> str:
     return f"{start}: {summary.get('message', '')}. {reached}."
 
 
+def _taker(row: dict[str, Any]) -> str:
+    return "the cavities have together" if cavity_columns(row, "added_volume", "ml") else "the cavity has"
+
+
 def _curves(states: States) -> str:
     stream = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
-        figure = plots.curves(states.rows, states.actuator.gauge)
+        gauge = states.actuator.gauge
+        figure = program_plots.steps(states.rows, gauge) if states.case.program else plots.curves(states.rows, gauge)
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = stream.getvalue()
     return f'<figure class="curves">{text[text.index("<svg") :]}</figure>'
@@ -175,9 +180,19 @@ def _material(states: States) -> str:
 
 def _load(states: States) -> str:
     case = states.case
-    asked = ("pressures", case.pressures_cm, "cm") if case.pressures_cm else ("added volumes", case.volumes_ml, "ml")
+    asked = [
+        ({"pressure": "pressures", "volume": "added volumes"}.get(case.quantity, "strokes"), case.values, case.unit)
+    ]
+    if case.program:
+        asked = [
+            (f"cavity{i}", series.values, f"{series.unit}{' added' if series.is_volume else ''}")
+            for i, series in enumerate(case.program, 1)
+        ]
     rows = [
-        (asked[0], ", ".join(f"{value:g}" for value in asked[1]) + f" {asked[2]}", "requested"),
+        *(
+            (what, ", ".join(f"{value:g}" for value in values) + f" {unit}", "requested")
+            for what, values, unit in asked
+        ),
         ("water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa"),
         ("control", case.control, "what the path follows"),
         ("formulation", case.formulation, "unknowns of the equations"),

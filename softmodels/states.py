@@ -107,8 +107,12 @@ class States:
     def along(self) -> Array:
         """How far along the path each step is, from 0 to 1, shape (steps,).
 
-        By the pressure where it only rises; past a limit point by the arc length of pressure and volume.
+        Of a program by its steps. Else by the pressure where it only rises; past a limit point by the arc length of
+        pressure and volume.
         """
+        if self.case.program:
+            steps = np.array([row["load_step"] for row in self.rows])
+            return steps / (steps[-1] or 1.0)
         pressure = np.array([row["pressure_Pa"] for row in self.rows])
         if len(pressure) == 1:
             return np.zeros(1)

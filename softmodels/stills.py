@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from geometries import Actuator
 from softmodels.cutting import best_plane, cut_open
-from softmodels.pages import DPI, EDGE, FAINT, INK, SOLID, WIDTH, Row, Scale, headline, number, page
+from softmodels.pages import DPI, EDGE, FAINT, INK, SOLID, WIDTH, Row, Scale, headline, load, number, page
 from softmodels.rendering import Camera, Image, lines, studio, surface
 from softmodels.skin import QUARTERS
 from softmodels.states import States
@@ -136,8 +136,7 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], scale: Scale) ->
         axes = figure.add_axes((left / WIDTH, (top - head - tall) / whole, wide / WIDTH, tall / whole))
         axes.imshow(image, interpolation="antialiased")
         axes.set_axis_off()
-        pressure = f"{number(rows[step]['pressure_cm'])} cm of water ({rows[step]['pressure_Pa'] / 1e3:.3g} kPa)"
-        figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, pressure, ha="center", va="center")
+        figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, load(rows[step]), ha="center", va="center")
     scale.bar(figure, figure.add_axes((0.2, 0.62 / whole, 0.6, 0.18 / whole)))
     return figure
 
@@ -199,7 +198,7 @@ def hot_title(states: States, limit: float) -> str:
 def peak_text(states: States, step: int) -> str:
     """Value and place of the largest stretch of a state, from ``path.csv``."""
     row = states.rows[step]
-    pressure = f"at {number(row['pressure_cm'])} cm"
+    pressure = f"at {load(row)}" if "load_step" in row else f"at {number(row['pressure_cm'])} cm"
     if "max_stretch" not in row:
         return f"largest stretch at a node {states.field(step, 'largest_stretch').max():.4g} {pressure}"
     text = f"largest stretch {row['max_stretch']:.4g} {pressure}"

@@ -1,6 +1,7 @@
-"""A program, not a test: figures of a wedge, a slab with channels and a disk past its limit, as one line of JSON on rank 0.
+"""A program, not a test: figures of a wedge, a slab with channels, a disk past its limit and a part with two cavities, as one
+line of JSON on rank 0.
 
-Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh SECTION.msh
+Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh SECTION.msh PAIR.msh, with PAIR.step beside PAIR.msh
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import json
 import sys
 from pathlib import Path
 
-from geometries import HollowDisk, SeminarActuator
+from geometries import HollowDisk, ImportedActuator, SeminarActuator
 from softmodels.parallel import abort_on_error, is_root, start
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
@@ -18,7 +19,13 @@ SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
 SECTION = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
 
 
-def figures(comm, wedge: Path, slab: Path, section: Path) -> dict[str, list[float]]:
+def pair_of(step: Path) -> ImportedActuator:
+    """A block of a STEP file with two cavities."""
+    cavities = ("at 11, 0, 2 mm", "at 11, 0, -2 mm")
+    return ImportedActuator(file=str(step), cavities=cavities, support="x = 0 mm", cell_size=0.006)
+
+
+def figures(comm, wedge: Path, slab: Path, section: Path, pair: Path) -> dict[str, list[float]]:
     """Key figures by state; the same on every rank."""
     import numpy as np
 
@@ -50,6 +57,30 @@ def figures(comm, wedge: Path, slab: Path, section: Path) -> dict[str, list[floa
         found["limit"] = [end.limit.state.P]
     found["falling directions"] = [float(point.signature.excess) for point in points]
     found["lowest eigenvalue"] = [points[0].signature.lowest, points[-1].signature.lowest]
+    found["pair, one volume held and then changed"] = program(comm, pair)
+    return found
+
+
+def program(comm, pair: Path) -> list[float]:
+    """Pressures, volumes, rise and signature at the steps of a program."""
+    from softmodels.body import Body
+    from softmodels.equilibrium import Equilibrium
+    from softmodels.fields import Fields
+    from softmodels.materials import NeoHookean
+    from softmodels.program import Series, follow
+
+    equations = Equilibrium(Body.from_file(pair_of(pair.with_suffix(".step")), pair, comm), NeoHookean(30e3, 0.49))
+    fields, found = Fields(equations), []
+    series = (Series("pressure_cm", (40.0, 40.0)), Series("volume_ml", (0.0, 0.03)))
+    for _, point in follow(equations, series, 95.0, "auto", lambda text: None):
+        if point.requested:
+            figures = fields.figures(point.state)
+            found += [
+                *figures.cavity_pressures,
+                *figures.cavity_volumes[:1],
+                figures.rises["tip"],
+                point.signature.lowest,
+            ]
     return found
 
 
@@ -80,6 +111,6 @@ def rates(equations, added: float) -> list[float]:
 if __name__ == "__main__":
     world = start()
     abort_on_error(world)
-    result = figures(world, *map(Path, sys.argv[1:4]))
+    result = figures(world, *map(Path, sys.argv[1:5]))
     if is_root(world):
         print(json.dumps({**result, "ranks": world.size}))

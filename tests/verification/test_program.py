@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from geometries import ImportedActuator
 from softmodels import program as programs
 from softmodels.materials import NeoHookean
 from softmodels.program import Series
@@ -155,25 +156,9 @@ def test_a_pressure_held_past_its_limit_is_unstable(run, alone, solved, limits):
 
 
 @pytest.fixture(scope="module")
-def part(tmp_path_factory):
-    """A block with two cavities close to each other: what one does moves the other's walls."""
-    import gmsh
-
-    from geometries import ImportedActuator
-    from geometries.meshing import private_model
-
-    file = tmp_path_factory.mktemp("coupled") / "part.step"
-    with private_model():
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-        occ = gmsh.model.occ
-        block = occ.addBox(0, -5, -5, 20, 10, 10)
-        holes = [occ.addBox(6, -3, z, 10, 6, 2.0) for z in (0.75, -2.75)]
-        occ.cut([(3, block)], [(3, hole) for hole in holes])
-        occ.synchronize()
-        gmsh.write(str(file))
-        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+def part(two_cavities):
     return ImportedActuator(
-        file=str(file), cavities=("at 11, 0, 2 mm", "at 11, 0, -2 mm"), support="x = 0 mm", cell_size=0.006
+        file=str(two_cavities), cavities=("at 11, 0, 2 mm", "at 11, 0, -2 mm"), support="x = 0 mm", cell_size=0.006
     )
 
 

@@ -27,9 +27,11 @@ def program():
 
 
 @pytest.fixture(scope="module")
-def meshes(program, tmp_path_factory):
+def meshes(program, two_cavities, tmp_path_factory):
     folder = tmp_path_factory.mktemp("ranks")
-    return [disk.write(folder / f"{disk.name}.msh") for disk in (program.WEDGE, program.SLAB, program.SECTION)]
+    pair = program.pair_of(shutil.copy(two_cavities, folder / "pair.step"))
+    alone = [device.write(folder / f"{device.name}.msh") for device in (program.WEDGE, program.SLAB, program.SECTION)]
+    return [*alone, pair.write(folder / "pair.msh")]
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,10 @@ from __future__ import annotations
 import dataclasses
 import shutil
 
-import gmsh
 import numpy as np
 import pytest
 
 from geometries import ImportedActuator
-from geometries.meshing import private_model
 from softmodels.case import Case
 from softmodels.equilibrium import Equilibrium
 from softmodels.fields import Fields
@@ -21,20 +19,9 @@ GOAL = 6e3
 
 
 @pytest.fixture(scope="module")
-def part(tmp_path_factory):
-    """A block of 24 x 10 x 10 mm with two like cavities, 2 mm below the top and 2 mm above the bottom."""
-    file = tmp_path_factory.mktemp("part") / "part.step"
-    with private_model():
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-        occ = gmsh.model.occ
-        block = occ.addBox(0, -5, -5, 24, 10, 10)
-        holes = [occ.addBox(8, -3, z, 10, 6, 1.5) for z in (1.5, -3.0)]
-        occ.cut([(3, block)], [(3, hole) for hole in holes])
-        occ.synchronize()
-        gmsh.write(str(file))
-        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+def part(two_cavities):
     return ImportedActuator(
-        file=str(file), cavities=("at 13, 0, 2 mm", "at 13, 0, -2 mm"), support="x = 0 mm", cell_size=0.005
+        file=str(two_cavities), cavities=("at 11, 0, 2 mm", "at 11, 0, -2 mm"), support="x = 0 mm", cell_size=0.005
     )
 
 
@@ -86,7 +73,7 @@ def test_case_file_names_the_part_beside_it(part, tmp_path):
     [geometry]
     device = "ImportedActuator"
     file = "my.step"
-    cavities = ["at 13, 0, 2 mm", "at 13, 0, -2 mm"]
+    cavities = ["at 11, 0, 2 mm", "at 11, 0, -2 mm"]
     support = "x = 0 mm"
     pressure_ratios = [1, 0.5]
     [load]
