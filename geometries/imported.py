@@ -26,7 +26,8 @@ class ImportedActuator(Actuator):
     ``cavities``, "support", "plane0", "plane1", ... and "outer". `geometries.selections` tells how faces are picked.
 
     With several cavities, cavity i has the pressure ``pressure_ratios[i]`` times P. Then P works on the sum of the volumes
-    times their ratios, and that is what `cavity_volume` and a run's added volume are.
+    times their ratios, and that is what `cavity_volume` and a run's added volume are. A load that gives each cavity a series
+    of its own needs no ratios.
     """
 
     file: str = text_field("", "STEP file")
