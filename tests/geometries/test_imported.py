@@ -18,25 +18,22 @@ ROUND, FLAT = math.pi * 2e-3**2 * 8e-3, 8e-3 * 8e-3 * 2e-3
 """Volumes of the whole part's two cavities in m3: a round hole and a flat one."""
 
 
-def write_step(path, unit):
-    """Half a block of 30 x 20 x 10 mm at y > 0 with a round and a flat cavity, both cut by y = 0."""
+def block(unit):
+    """Half a block of 30 x 20 x 10 mm at y > 0 with a round and a flat cavity, both cut by y = 0, to be drawn in a unit."""
     scale = {"MM": 1.0, "M": 1e-3, "INCH": 1 / 25.4}[unit]
-    with private_model():
-        gmsh.option.setString("Geometry.OCCTargetUnit", unit)
-        occ = gmsh.model.occ
-        block = occ.addBox(0, 0, 0, 30 * scale, 20 * scale, 10 * scale)
+
+    def draw(occ):
+        whole = occ.addBox(0, 0, 0, 30 * scale, 20 * scale, 10 * scale)
         hole = occ.addCylinder(5 * scale, 0, 3 * scale, 8 * scale, 0, 0, 2 * scale)
         flat = occ.addBox(18 * scale, -4 * scale, 5 * scale, 8 * scale, 8 * scale, 2 * scale)
-        occ.cut([(3, block)], [(3, hole), (3, flat)])
-        occ.synchronize()
-        gmsh.write(str(path))
-        gmsh.option.setString("Geometry.OCCTargetUnit", "")
-    return path
+        occ.cut([(3, whole)], [(3, hole), (3, flat)])
+
+    return draw
 
 
 @pytest.fixture(scope="module")
-def step(tmp_path_factory):
-    return str(write_step(tmp_path_factory.mktemp("part") / "part.step", "MM"))
+def step(step_file, tmp_path_factory):
+    return step_file(tmp_path_factory.mktemp("part") / "part.step", block("MM"))
 
 
 def test_volumes_and_roles(step, tmp_path):
@@ -66,10 +63,9 @@ def test_ratios_weigh_the_volumes(step):
 
 
 @pytest.mark.parametrize("unit", ["M", "INCH"])
-def test_the_files_unit_counts(unit, step, tmp_path):
-    millimetres, other = (
-        ImportedActuator(file=str(file), **CHOICES) for file in (step, write_step(tmp_path / "part.step", unit))
-    )
+def test_the_files_unit_counts(unit, step, step_file, tmp_path):
+    file = step_file(tmp_path / "part.step", block(unit), unit)
+    millimetres, other = (ImportedActuator(file=one, **CHOICES) for one in (step, file))
     assert other.solid_volume == pytest.approx(millimetres.solid_volume, rel=1e-9)
 
 
@@ -86,11 +82,15 @@ def test_table_gives_the_same_part_back(step):
         ({"cavities": ("at 10, 0, 3",)}, "write a point as"),
         ({"cavities": ("at 2, 2, 2 mm",)}, "lies in the solid"),
         ({"cavities": ("at 100, 2, 2 mm",)}, "outside the part"),
-        ({"cavities": ("at 10, 0, 3 mm", "at 11, 0, 3 mm")}, "another point already"),
+        ({"cavities": ("at 10, 0, 3 mm", "at 11, 0, 3 mm")}, "chosen already"),
         ({"support": "x = 1 mm"}, "no such face"),
         ({"support": "left"}, "write 'x = 0 mm'"),
         ({"support": "in 3..1, 0..1, 0..1 mm"}, "lower end"),
-        ({"planes": ("y = 1 mm",)}, "go through the origin"),
+        ({"planes": ("y = 1 mm",)}, "no such face"),
+        ({"planes": ("y = 20 mm",)}, "through the origin: move the part by 0, -20, 0 mm"),
+        ({"planes": ("in 0..30, 0..20, 0..10 mm",)}, "do not lie in one plane"),
+        ({"planes": ("normal 0, 0, 0",)}, "normal has a length"),
+        ({"planes": ("y = 0 mm", "normal 0, -3, 0")}, "no such face"),  # the same plane again
         ({"planes": ()}, "outside the part"),  # the cavities are open at y = 0 then
         ({"pressure_ratios": (1.0,)}, "1 values for 2 cavities"),
         ({"pressure_ratios": (1.0, -1.0)}, "0 or more"),
