@@ -143,7 +143,7 @@ def chosen(field: str, choice: Faces, tags: list[int], near: float, file: str) -
     if choice.name is not None:
         known = face_names(file)
         if choice.name not in known:
-            raise GeometryError(f"{field} is {choice.text!r}; {_listed('name', list(known))}")
+            raise GeometryError(f"{field} is {choice.text!r}; {_listed('name', sorted(known))}")
         return _at(named_surfaces(file, choice.name), tags)
     if choice.colour is not None:
         colours = surface_colours(file)
