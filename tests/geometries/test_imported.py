@@ -1,4 +1,4 @@
-"""Parts from STEP files: written by Gmsh's own kernel here, and by CadQuery where it is installed."""
+"""Parts from STEP files that Gmsh's own kernel wrote."""
 
 from __future__ import annotations
 
@@ -113,15 +113,3 @@ def test_faces_in_a_box(step):
     by_plane = ImportedActuator(file=step, **CHOICES)
     by_box = ImportedActuator(file=step, **{**CHOICES, "support": "in 0..0.1, 0..21, -1..11 mm"})
     assert by_box.reading == by_plane.reading
-
-
-def test_a_file_of_another_kernel(tmp_path):
-    cadquery = pytest.importorskip("cadquery", reason="CadQuery is not installed (uv run --with cadquery pytest ...)")
-    block = cadquery.Workplane().box(30, 20, 10, centered=(False, True, False))
-    hole = cadquery.Workplane("YZ", origin=(5, 0, 3)).circle(2).extrude(8)
-    flat = cadquery.Workplane().box(8, 8, 2, centered=(False, True, False)).translate((18, 0, 5))
-    cadquery.exporters.export(block.cut(hole).cut(flat), str(tmp_path / "part.step"))
-    part = ImportedActuator(file=str(tmp_path / "part.step"), cavities=CAVITIES, support="x = 0 mm", cell_size=0.004)
-    assert part.cavity_volume == pytest.approx(ROUND + FLAT, rel=1e-4) and part.copies == 1
-    assert part.solid_volume == pytest.approx(30e-3 * 20e-3 * 10e-3 - ROUND - FLAT, rel=1e-9)
-    assert summarize(part.write(tmp_path / "part.msh")).quality > 0
