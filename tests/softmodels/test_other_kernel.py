@@ -20,32 +20,29 @@ cadquery = pytest.importorskip("cadquery", reason="CadQuery is not installed (uv
 ROUND, FLAT = math.pi * 2.5**2 * 12e-9, 12 * 8 * 2e-9
 """Volumes of the two cavities in m3: a round hole under the middle and a flat one over it."""
 
-LOAD = """
+CASE = """
+[geometry]
+device = "ImportedActuator"
+file = "{name}.step"
+{choices}
+pressure_ratios = [0.5, 1]
+gauge_point = "at 30, 6, 11 mm"
+cell_size = "4 mm"
+
 [material]
 silicone = "ecoflex-00-30"
+
 [load]
 pressure_cm = [0, 30]
 """
 FULL = """
-[geometry]
-device = "ImportedActuator"
-file = "full.step"
 cavities = ["at 12, 0, 3.5 mm", "at 18, 0, 8 mm"]
-pressure_ratios = [0.5, 1]
 support = "x = 0 mm"
-gauge_point = "at 30, 6, 11 mm"
-cell_size = "4 mm"
 """
 HALF = """
-[geometry]
-device = "ImportedActuator"
-file = "half.step"
 cavities = ["named round hole", "named flat hole"]
-pressure_ratios = [0.5, 1]
 support = "coloured red"
 planes = ["named cut"]
-gauge_point = "at 30, 6, 11 mm"
-cell_size = "4 mm"
 """
 
 
@@ -67,7 +64,7 @@ def bench(tmp_path_factory):
     assembly.addSubshape(half.faces(cadquery.selectors.NearestToPointSelector((118, 7, 7))).val(), name="flat hole")
     assembly.export(str(folder / "half.step"))
     for name, text in (("full", FULL), ("half", HALF)):
-        (folder / f"{name}.toml").write_text(text + LOAD)
+        (folder / f"{name}.toml").write_text(CASE.format(name=name, choices=text))
     return folder
 
 
@@ -102,6 +99,6 @@ def test_half_and_full_run_alike_from_their_case_files(bench, runs):
 
 
 def test_a_name_that_is_not_there_is_refused_before_anything_is_solved(bench, runs):
-    (bench / "wrong.toml").write_text(HALF.replace("round hole", "chamber") + LOAD)
+    (bench / "wrong.toml").write_text(CASE.format(name="half", choices=HALF.replace("round", "square")))
     done = runs.run("-m", "softmodels", "run", "wrong.toml", cwd=bench)
     assert done.status == 2 and "names of faces in the file are cut, flat hole, round hole" in done.err
