@@ -42,7 +42,7 @@ CURVE, WARNING = "#2f6f9f", "#c0392b"
 
 def number(value: float) -> str:
     """A value for a label: at most one decimal, none if it is round."""
-    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # no -0
+    return f"{value:.1f}".removesuffix(".0")
 
 
 def headline(row: Row, gauge: str) -> str:

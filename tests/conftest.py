@@ -26,14 +26,6 @@ def shared_data():
 
 
 @pytest.fixture(scope="session")
-def comm():
-    """The world communicator; the first to ask for it starts MPI, PETSc and DOLFINx in their order."""
-    from softmodels.parallel import start
-
-    return start()
-
-
-@pytest.fixture(scope="session")
 def step_file():
     """Return a function that writes what ``draw(gmsh.model.occ)`` draws as a STEP file in a unit, and gives its path."""
     import gmsh
@@ -84,3 +76,11 @@ def wedge_part(step_file, tmp_path_factory):
         )
 
     return part
+
+
+@pytest.fixture(scope="session")
+def comm():
+    """The world communicator; the first to ask for it starts MPI, PETSc and DOLFINx in their order."""
+    from softmodels.parallel import start
+
+    return start()
