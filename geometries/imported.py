@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.errors import GeometryError
 from geometries.fields import choice_field, length_field, list_field, number_field, text_field
+from geometries.imported_roles import BONDED
 from geometries.imported_shape import Reading, build_part, read_part
+from geometries.symmetry import reflected
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedActuator(Actuator):
     """A part from a STEP file, with one or more closed cavities.
 
-    The file's own unit counts. A half or quarter part is cut on planes through the origin (``planes``), and its cavities may
-    be open there and nowhere else. Physical groups: volume "solid"; surfaces "cavity", "cavity2", ... in the order of
-    ``cavities``, "support", "plane0", "plane1", ... and "outer". `geometries.selections` tells how faces are picked.
+    The file's own unit counts. A half, a quarter or a wedge of a part is cut on planes through the origin (``planes``), which
+    meet at 180/n degrees, and its cavities may be open there and nowhere else. Physical groups: volume "solid"; surfaces
+    "cavity", "cavity2", ... in the order of ``cavities``, "support", "plane0", "plane1", ..., "bonded" if given, and "outer".
+    `geometries.selections` tells how faces are picked: by plane, box, name or colour.
 
     With several cavities, cavity i has the pressure ``pressure_ratios[i]`` times P. Then P works on the sum of the volumes
     times their ratios, and that is what `cavity_volume` and a run's added volume are. A load that gives each cavity a series
@@ -31,10 +34,13 @@ class ImportedActuator(Actuator):
     """
 
     file: str = text_field("", "STEP file")
-    cavities: tuple[str, ...] = list_field((), "a point in the air of each cavity, such as 'at 10, 0, 4 mm'")
-    support: str = text_field("", "held faces, such as 'x = 0 mm'")
+    cavities: tuple[str, ...] = list_field(
+        (), "a point in the air of each cavity, such as 'at 10, 0, 4 mm', or faces of its wall, such as 'named chamber'"
+    )
+    support: str = text_field("", "held faces, such as 'x = 0 mm' or 'named flange'; three planes need none")
+    bonded: str = text_field("", "faces that a sheet can be bonded to, such as 'coloured red'; none if not given")
     planes: tuple[str, ...] = list_field(
-        (), "symmetry planes through the origin where the part is cut, such as 'y = 0 mm'"
+        (), "symmetry planes through the origin where the part is cut, such as 'y = 0 mm' or 'normal 1, -1, 0'"
     )
     pressure_ratios: tuple[float, ...] = list_field(
         (), "pressure in each cavity over the requested one; all 1 if not given", numbers=True
@@ -53,8 +59,10 @@ class ImportedActuator(Actuator):
         if not self.file:
             raise GeometryError("file is empty; name the part's STEP file (--file part.step)")
         if not self.cavities:
-            raise GeometryError("cavities is empty; give a point in the air of each, such as 'at 10, 0, 4 mm'")
-        if not self.support:
+            raise GeometryError(
+                "cavities is empty; give a point in the air of each, such as 'at 10, 0, 4 mm', or name its wall"
+            )
+        if not self.support and len(self.planes) < 3:
             raise GeometryError("support is empty; say which faces are held, such as 'x = 0 mm'")
         if len(set(self.planes)) != len(self.planes) or len(self.planes) > 3:
             raise GeometryError(f"planes is {', '.join(self.planes)}; at most three, each once")
@@ -91,7 +99,11 @@ class ImportedActuator(Actuator):
 
     @property
     def copies(self) -> int:
-        return int(2 ** len(self.planes))
+        return len(reflected(self.reading.normals))
+
+    @property
+    def faces(self) -> tuple[str, ...]:  # type: ignore[override]
+        return (BONDED,) if self.bonded else ()
 
     @property
     def lift(self) -> Vector:  # type: ignore[override]
@@ -111,7 +123,7 @@ class ImportedActuator(Actuator):
 
     @property
     def holds(self) -> tuple[Hold, ...]:
-        return (Hold("support", None),)
+        return (Hold("support", None),) if self.support else ()
 
     @property
     def probes(self) -> Mapping[str, Vector]:

@@ -1,22 +1,17 @@
-"""A STEP file in Gmsh: its unit, its cavities, its roles.
-
-A cavity is found from a point in its air. Take away the faces on the cut planes: the walls that hang together by their edges
-are then the outside or one cavity each, and the wall nearest to the point is that of its own cavity, since the straight way
-there crosses no other. So a cavity is open on cut planes alone; one with an inlet hangs together with the outside.
-"""
+"""A STEP file in Gmsh: its unit, its volumes, its mesh."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from collections import defaultdict
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geometries.actuator import Vector
 from geometries.errors import GeometryError
-from geometries.selections import AXES, chosen, faces, point
+from geometries.imported_roles import cavity_role, extent, find_roles, outward
+from geometries.selections import point
 
 if TYPE_CHECKING:
     from geometries.imported import ImportedActuator
@@ -59,15 +54,15 @@ def read_part(part: ImportedActuator, digest: str) -> Reading:
 
     with private_model():
         solid = _open(part)
-        roles = _roles(part, solid)
+        roles = find_roles(part, solid)
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FINE)
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
-        volumes = tuple(_enclosed(solid, roles[_cavity(i)]) for i in range(len(part.cavities)))
+        volumes = tuple(_enclosed(solid, roles[cavity_role(i)]) for i in range(len(part.cavities)))
         return Reading(
-            tuple(_normal(solid, part, i) for i in range(len(part.planes))),
-            _gauge(part, roles["support"]),
+            outward(part, solid, roles),
+            _gauge(part, roles.get("support", [])),
             float(gmsh.model.occ.getMass(3, solid)),
             volumes,
         )
@@ -79,7 +74,7 @@ def build_part(part: ImportedActuator) -> None:
 
     solid = _open(part)
     gmsh.model.addPhysicalGroup(3, [solid], name="solid")
-    for role, tags in _roles(part, solid).items():
+    for role, tags in find_roles(part, solid).items():
         gmsh.model.addPhysicalGroup(2, tags, name=role)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", part.curvature)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
@@ -107,99 +102,6 @@ def _open(part: ImportedActuator) -> int:
     return int(solids[0][1])
 
 
-def _cavity(number: int) -> str:
-    return "cavity" if number == 0 else f"cavity{number + 1}"
-
-
-def _near() -> float:
-    """What counts as the same place in m: Gmsh's boxes are wider by its tolerance."""
-    import gmsh
-
-    low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
-    return float(1e-5 * np.linalg.norm(high - low))
-
-
-def _roles(part: ImportedActuator, solid: int) -> dict[str, list[int]]:
-    """Every face's role."""
-    import gmsh
-
-    left = [tag for _, tag in gmsh.model.getBoundary([(3, solid)], oriented=False)]
-    roles: dict[str, list[int]] = {}
-    for i, text in enumerate(part.planes):
-        choice = faces("planes", text)
-        if choice.axis is None or choice.at != 0.0:
-            raise GeometryError(
-                f"planes has {text!r}; cut planes go through the origin, such as 'y = 0 mm': move the part"
-            )
-        roles[f"plane{i}"] = chosen(choice, left, _near())
-        left = _without(left, roles[f"plane{i}"], f"planes has {text!r}")
-    pieces = _pieces(left)
-    for i, text in enumerate(part.cavities):
-        piece = _around(pieces, solid, text)
-        if not set(piece) <= set(left):
-            raise GeometryError(f"cavities has {text!r}; that cavity has another point already")
-        roles[_cavity(i)] = piece
-        left = [tag for tag in left if tag not in piece]
-    roles["support"] = chosen(faces("support", part.support), left, _near())
-    roles["outer"] = _without(left, roles["support"], f"support is {part.support!r}")
-    return {name: tags for name, tags in roles.items() if tags}
-
-
-def _without(left: list[int], taken: list[int], what: str) -> list[int]:
-    import gmsh
-
-    if not taken:
-        low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3) * 1e3
-        extent = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(AXES, low, high, strict=True))
-        raise GeometryError(f"{what}; the part has no such face on its outside (it spans {extent} mm)")
-    return [tag for tag in left if tag not in taken]
-
-
-def _pieces(tags: list[int]) -> list[list[int]]:
-    """Faces that hang together by their edges."""
-    import gmsh
-
-    by_edge = defaultdict(list)
-    for tag in tags:
-        for _, edge in gmsh.model.getBoundary([(2, tag)], oriented=False):
-            by_edge[edge].append(tag)
-    group = {tag: {tag} for tag in tags}
-    for together in by_edge.values():
-        merged = set().union(*(group[tag] for tag in together))
-        for tag in merged:
-            group[tag] = merged
-    return [list(piece) for piece in {tuple(sorted(piece)) for piece in group.values()}]
-
-
-def _around(pieces: list[list[int]], solid: int, text: str) -> list[int]:
-    """The piece of wall nearest to a point in the air."""
-    import gmsh
-
-    place = point("cavities", text)
-    if gmsh.model.isInside(3, solid, list(place)):
-        raise GeometryError(f"cavities has {text!r}; that point lies in the solid, not in a cavity's air")
-    probe = gmsh.model.occ.addPoint(*place)
-
-    def distance(piece: list[int]) -> float:
-        return min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece)
-
-    nearest = min(pieces, key=distance)
-    gmsh.model.occ.remove([(0, probe)])
-    outside = max(pieces, key=_extent)
-    if nearest is outside:
-        raise GeometryError(
-            f"cavities has {text!r}; that point is outside the part, or its cavity is open to the outside"
-        )
-    return nearest
-
-
-def _extent(piece: list[int]) -> float:
-    import gmsh
-
-    boxes = np.array([gmsh.model.occ.getBoundingBox(2, tag) for tag in piece])
-    return float(np.linalg.norm(boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)))
-
-
 def _enclosed(solid: int, tags: list[int]) -> float:
     """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
     import gmsh
@@ -211,30 +113,14 @@ def _enclosed(solid: int, tags: list[int]) -> float:
             jacobians, determinants, places = gmsh.model.mesh.getJacobians(kind, local, tag)
             normals, at = jacobians.reshape(-1, 3, 3)[:, 2], places.reshape(-1, 3)
             # A face's mesh may be turned either way; the solid lies behind its outward normal.
-            turned = 1.0 if gmsh.model.isInside(3, solid, list(at[0] - 10 * _near() * normals[0])) else -1.0
+            turned = 1.0 if gmsh.model.isInside(3, solid, list(at[0] - 1e-4 * extent() * normals[0])) else -1.0
             along = np.einsum("ij,ij->i", at, normals) * determinants
             total -= turned * float((along.reshape(-1, len(weights)) @ weights).sum()) / 3.0
     return total
 
 
-def _normal(solid: int, part: ImportedActuator, number: int) -> Vector:
-    """Outward normal of a cut plane: away from the solid."""
-    import gmsh
-
-    axis = faces("planes", part.planes[number]).axis
-    assert axis is not None
-    low, high = np.array(gmsh.model.occ.getBoundingBox(3, solid)).reshape(2, 3)
-    if min(abs(low[axis]), abs(high[axis])) > _near():
-        raise GeometryError(
-            f"planes has {part.planes[number]!r}; the part reaches to both sides of it, so it is not cut there"
-        )
-    values = [0.0, 0.0, 0.0]
-    values[axis] = -1.0 if abs(low[axis]) <= _near() else 1.0
-    return (values[0], values[1], values[2])
-
-
 def _gauge(part: ImportedActuator, support: list[int]) -> Vector:
-    """The corner nearest to the wanted point, or the one farthest from the held faces."""
+    """The corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
     import gmsh
 
     corners = np.array([gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getEntities(0)])
@@ -249,6 +135,6 @@ def _gauge(part: ImportedActuator, support: list[int]) -> Vector:
             )
         x, y, z = corners[away.argmin()]
     else:
-        held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support], axis=0)
+        held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support] or [np.zeros(3)], axis=0)
         x, y, z = corners[np.linalg.norm(corners - held, axis=1).argmax()]
     return float(x), float(y), float(z)

@@ -20,6 +20,8 @@ SUBTETS = np.array(
 )
 """A second-order tetrahedron as eight flat ones, in VTK's order of nodes."""
 TETRA = 10
+ASIDE = 1e-4
+"""How far a cut moves off vertices, over the device's size: not to be seen, and more than their rounding."""
 Plane = tuple[Array, Array]
 """A unit normal and a point in m."""
 
@@ -86,6 +88,7 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
     normal, place = plane
     normal = normal if normal @ viewer > 0 else -normal
     skin = states.skin
+    place = _aside(skin.device(skin.points(states.points)), normal, place)
     u, values = states.field(step, "displacement"), states.field(step, scale.field) * scale.factor
     shell = surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != CUT))
     shell.point_data["displacement"] = skin.device(skin.points(u))
@@ -108,6 +111,16 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
         if rim.n_cells:
             found.append((rim, {"color": INK, "line_width": 1.5}))
     return found
+
+
+def _aside(vertices: Array, normal: Array, place: Array) -> Array:
+    """A point a little deeper than a plane on which vertices lie, such as a symmetry plane of the device.
+
+    There the plane would meet the faces of cells, some once and some twice, and the section would have cracks.
+    """
+    size = np.ptp(vertices, axis=0).max()
+    on_plane = np.abs((vertices - place) @ normal) < 1e-6 * size
+    return place - ASIDE * size * normal if on_plane.any() else place
 
 
 def _warped(data: Any) -> Any:

@@ -14,6 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from geometries import Actuator
+from geometries.symmetry import reflected
 from softmodels.triangles import Array, Cells, border, outer_faces
 
 SHARP = 40.0
@@ -69,8 +70,11 @@ class Skin:
         faces = np.cross(b - a, c - a)
         corners = self.triangles.T.ravel()
         found = np.column_stack([np.bincount(corners, np.tile(faces[:, i], 3), len(points)) for i in range(3)])
-        for normal, here in zip(self.planes, self.on_plane, strict=True):
-            found[here] -= np.outer(found[here] @ normal, normal)
+        which = 2 ** np.arange(len(self.planes)) @ self.on_plane
+        for these in np.unique(which[which > 0]):  # an edge between two planes that are not square lies in both at once
+            here = which == these
+            across = self.planes[self.on_plane[:, np.argmax(here)]]
+            found[here] -= found[here] @ np.linalg.pinv(across) @ across
         return found / np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
 
     def device(self, vectors: Array, kept: npt.NDArray[np.intp] | None = None) -> Array:
@@ -138,19 +142,8 @@ def skin_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) -> 
         rims=rims + len(nodes),
         planes=planes,
         on_plane=on_plane,
-        images=_images(planes, count),
+        images=reflected(planes, count),
     )
-
-
-def _images(planes: Array, count: int) -> Array:
-    """The first ``count`` products of reflections on the planes: a slice's neighbours, their neighbours and so on."""
-    mirrors = [np.eye(3) - 2 * np.outer(normal, normal) for normal in planes]
-    found = [np.eye(3)]
-    for image in found:
-        for mirror in mirrors:
-            if len(found) < count and not any(np.allclose(image @ mirror, known, atol=1e-6) for known in found):
-                found.append(image @ mirror)
-    return np.array(found)
 
 
 def _parts(points: Array, corners: Cells) -> Cells:

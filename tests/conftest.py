@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
+
+from geometries import ImportedActuator
+from geometries.meshing import private_model
 
 
 @pytest.fixture(scope="session")
@@ -19,6 +23,59 @@ def shared_data():
         return pytest.skip(f"no shared/data/{name} beside the project")
 
     return folder_of
+
+
+@pytest.fixture(scope="session")
+def step_file():
+    """Return a function that writes what ``draw(gmsh.model.occ)`` draws as a STEP file in a unit, and gives its path."""
+    import gmsh
+
+    def write(path, draw, unit="MM"):
+        with private_model():
+            gmsh.option.setString("Geometry.OCCTargetUnit", unit)
+            draw(gmsh.model.occ)
+            gmsh.model.occ.synchronize()
+            gmsh.write(str(path))
+            gmsh.option.setString("Geometry.OCCTargetUnit", "")
+        return str(path)
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def wedge_part(step_file, tmp_path_factory):
+    """Return a function that gives a wedge of a "can" or of the upper half of a "ball" from a STEP file.
+
+    The can has a radius of 15 mm, a height of 10 mm, a flat cavity of 10 mm radius and a held bottom; the ball has radii of
+    10 and 15 mm and is cut at z = 0 too. Planes stand at 0 degrees and at the wedge's angle; at 180 they are one.
+    """
+    folder = tmp_path_factory.mktemp("wedges")
+    second = {45: "normal 1, -1, 0", 60: "normal 0.866, -0.5, 0", 90: "x = 0 mm"}
+
+    def part(shape, angle, **changes):
+        around = {"angle" if shape == "can" else "angle3": math.radians(angle)}
+
+        def draw(occ):
+            if shape == "can":
+                whole, hole = (occ.addCylinder(0, 0, z, 0, 0, h, r, **around) for z, h, r in ((0, 10, 15), (3, 4, 10)))
+            else:
+                whole, hole = (occ.addSphere(0, 0, 0, r, angle1=0, angle2=math.pi / 2, **around) for r in (15, 10))
+            occ.cut([(3, whole)], [(3, hole)])
+
+        file = folder / f"{shape}{angle}.step"
+        planes = ["y = 0 mm", second.get(angle), "z = 0 mm" if shape == "ball" else None]
+        choices = {
+            "cavities": ("at 3, 0.5, 5 mm",),
+            "support": "z = 0 mm" if shape == "can" else "",
+            "cell_size": 0.005,
+        }
+        return ImportedActuator(
+            file=str(file) if file.exists() else step_file(file, draw),
+            planes=tuple(filter(None, planes)),
+            **{**choices, **changes},
+        )
+
+    return part
 
 
 @pytest.fixture(scope="session")

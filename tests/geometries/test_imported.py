@@ -1,4 +1,4 @@
-"""Parts from STEP files: written by Gmsh's own kernel here, and by CadQuery where it is installed."""
+"""Parts from STEP files that Gmsh's own kernel wrote."""
 
 from __future__ import annotations
 
@@ -18,25 +18,22 @@ ROUND, FLAT = math.pi * 2e-3**2 * 8e-3, 8e-3 * 8e-3 * 2e-3
 """Volumes of the whole part's two cavities in m3: a round hole and a flat one."""
 
 
-def write_step(path, unit):
-    """Half a block of 30 x 20 x 10 mm at y > 0 with a round and a flat cavity, both cut by y = 0."""
+def block(unit):
+    """Half a block of 30 x 20 x 10 mm at y > 0 with a round and a flat cavity, both cut by y = 0, to be drawn in a unit."""
     scale = {"MM": 1.0, "M": 1e-3, "INCH": 1 / 25.4}[unit]
-    with private_model():
-        gmsh.option.setString("Geometry.OCCTargetUnit", unit)
-        occ = gmsh.model.occ
-        block = occ.addBox(0, 0, 0, 30 * scale, 20 * scale, 10 * scale)
+
+    def draw(occ):
+        whole = occ.addBox(0, 0, 0, 30 * scale, 20 * scale, 10 * scale)
         hole = occ.addCylinder(5 * scale, 0, 3 * scale, 8 * scale, 0, 0, 2 * scale)
         flat = occ.addBox(18 * scale, -4 * scale, 5 * scale, 8 * scale, 8 * scale, 2 * scale)
-        occ.cut([(3, block)], [(3, hole), (3, flat)])
-        occ.synchronize()
-        gmsh.write(str(path))
-        gmsh.option.setString("Geometry.OCCTargetUnit", "")
-    return path
+        occ.cut([(3, whole)], [(3, hole), (3, flat)])
+
+    return draw
 
 
 @pytest.fixture(scope="module")
-def step(tmp_path_factory):
-    return str(write_step(tmp_path_factory.mktemp("part") / "part.step", "MM"))
+def step(step_file, tmp_path_factory):
+    return step_file(tmp_path_factory.mktemp("part") / "part.step", block("MM"))
 
 
 def test_volumes_and_roles(step, tmp_path):
@@ -66,10 +63,9 @@ def test_ratios_weigh_the_volumes(step):
 
 
 @pytest.mark.parametrize("unit", ["M", "INCH"])
-def test_the_files_unit_counts(unit, step, tmp_path):
-    millimetres, other = (
-        ImportedActuator(file=str(file), **CHOICES) for file in (step, write_step(tmp_path / "part.step", unit))
-    )
+def test_the_files_unit_counts(unit, step, step_file, tmp_path):
+    file = step_file(tmp_path / "part.step", block(unit), unit)
+    millimetres, other = (ImportedActuator(file=one, **CHOICES) for one in (step, file))
     assert other.solid_volume == pytest.approx(millimetres.solid_volume, rel=1e-9)
 
 
@@ -86,11 +82,15 @@ def test_table_gives_the_same_part_back(step):
         ({"cavities": ("at 10, 0, 3",)}, "write a point as"),
         ({"cavities": ("at 2, 2, 2 mm",)}, "lies in the solid"),
         ({"cavities": ("at 100, 2, 2 mm",)}, "outside the part"),
-        ({"cavities": ("at 10, 0, 3 mm", "at 11, 0, 3 mm")}, "another point already"),
+        ({"cavities": ("at 10, 0, 3 mm", "at 11, 0, 3 mm")}, "chosen already"),
         ({"support": "x = 1 mm"}, "no such face"),
         ({"support": "left"}, "write 'x = 0 mm'"),
         ({"support": "in 3..1, 0..1, 0..1 mm"}, "lower end"),
-        ({"planes": ("y = 1 mm",)}, "go through the origin"),
+        ({"planes": ("y = 1 mm",)}, "no such face"),
+        ({"planes": ("y = 20 mm",)}, "through the origin: move the part by 0, -20, 0 mm"),
+        ({"planes": ("in 0..30, 0..20, 0..10 mm",)}, "do not lie in one plane"),
+        ({"planes": ("normal 0, 0, 0",)}, "normal has a length"),
+        ({"planes": ("y = 0 mm", "normal 0, -3, 0")}, "no such face"),  # the same plane again
         ({"planes": ()}, "outside the part"),  # the cavities are open at y = 0 then
         ({"pressure_ratios": (1.0,)}, "1 values for 2 cavities"),
         ({"pressure_ratios": (1.0, -1.0)}, "0 or more"),
@@ -113,15 +113,3 @@ def test_faces_in_a_box(step):
     by_plane = ImportedActuator(file=step, **CHOICES)
     by_box = ImportedActuator(file=step, **{**CHOICES, "support": "in 0..0.1, 0..21, -1..11 mm"})
     assert by_box.reading == by_plane.reading
-
-
-def test_a_file_of_another_kernel(tmp_path):
-    cadquery = pytest.importorskip("cadquery", reason="CadQuery is not installed (uv run --with cadquery pytest ...)")
-    block = cadquery.Workplane().box(30, 20, 10, centered=(False, True, False))
-    hole = cadquery.Workplane("YZ", origin=(5, 0, 3)).circle(2).extrude(8)
-    flat = cadquery.Workplane().box(8, 8, 2, centered=(False, True, False)).translate((18, 0, 5))
-    cadquery.exporters.export(block.cut(hole).cut(flat), str(tmp_path / "part.step"))
-    part = ImportedActuator(file=str(tmp_path / "part.step"), cavities=CAVITIES, support="x = 0 mm", cell_size=0.004)
-    assert part.cavity_volume == pytest.approx(ROUND + FLAT, rel=1e-4) and part.copies == 1
-    assert part.solid_volume == pytest.approx(30e-3 * 20e-3 * 10e-3 - ROUND - FLAT, rel=1e-9)
-    assert summarize(part.write(tmp_path / "part.msh")).quality > 0

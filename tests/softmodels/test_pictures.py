@@ -14,7 +14,10 @@ from PIL import Image
 
 from geometries import HollowDisk
 from softmodels import pictures, plots, rendering, sections, stills, triangles
+from softmodels.cutting import cut_open
+from softmodels.pages import Scale
 from softmodels.results import Results, ResultsError
+from softmodels.skin import CUT
 from softmodels.states import States
 from softmodels.views import look
 
@@ -211,3 +214,19 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     assert np.asarray(canvas.buffer_rgba())[..., :3].std() > 10.0
+
+
+@pytest.mark.parametrize(("kind", "name", "slices"), [("half_slab", "slab", 1), ("wedge", "disk", 2)])
+def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
+    """The faces of cells lie in it; what is seen of the device is what bounds its slices there, and closed lines around it."""
+    states = States(request.getfixturevalue(kind), name)
+    skin = states.skin
+    plane = (skin.planes[0], np.zeros(3))
+    layers = cut_open(states, 0, plane, plane[0], Scale(states.field(0, "von_mises_stress")))
+    face, rim = (data for data, _ in layers[1:])
+    corners = skin.points(states.points)[skin.triangles[skin.part == CUT]]
+    corners = corners[np.abs(corners @ plane[0]).max(axis=1) < 1e-9]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    assert face.area == pytest.approx(slices * area, rel=1e-3)
+    ends = rim.lines.reshape(-1, 3)[:, 1:].ravel()
+    assert (np.bincount(ends) == 2).all()

@@ -1,0 +1,36 @@
+"""Wedges of one imported part are one device: cut planes need not follow the axes nor stand square."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from softmodels.equilibrium import Equilibrium
+from softmodels.fields import Fields
+from softmodels.homogeneous import sphere_pressure
+from softmodels.materials import NeoHookean
+from softmodels.sheet import Sheet
+
+STRETCH = 1.4
+
+
+@pytest.mark.parametrize(("angle", "copies"), [(45, 16), (60, 12), (90, 8)])
+def test_a_wedge_of_a_ball_inflates_as_the_ball(angle, copies, wedge_part, equilibrium, solved):
+    part = wedge_part("ball", angle, cell_size=0.0025)
+    assert part.copies == copies and part.cavity_volume == pytest.approx(4 / 3 * np.pi * 0.01**3, rel=1e-4)
+    equations = equilibrium(part, NeoHookean(100e3, 0.5))
+    _, points, end = solved(equations, [(STRETCH**3 - 1) * equations.rest().V], "volume", "volume")
+    assert end is None
+    exact = sphere_pressure(equations.material, 0.010, 0.015, STRETCH)
+    assert points[-1].state.P * equations.stress_unit == pytest.approx(exact, rel=5e-4)
+
+
+def test_a_sheet_bonded_to_chosen_faces_holds_them_back(wedge_part, body_of, solved):
+    part = wedge_part("can", 45, bonded="z = 10 mm", gauge_point="at 0, 0, 10 mm")
+    rises = []
+    for sheet in (None, Sheet(part.faces[0], 100.0)):
+        equations = Equilibrium(body_of(part), NeoHookean(30e3, 0.49), sheet=sheet)
+        _, points, end = solved(equations, [3e3 / equations.stress_unit])
+        assert end is None
+        rises.append(Fields(equations).figures(points[-1].state).rises["tip"])
+    assert 0 < rises[1] < 0.9 * rises[0]
