@@ -76,6 +76,9 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
     refused: dict[str, str] = {}
     size: tuple[int, int] | None = None
     for path in map(str, paths):
+        if not Path(path).is_file():
+            refused[path] = "there is no such file"
+            continue
         image = cv2.imread(path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
         if image is None:
             refused[path] = "it cannot be read as a picture"

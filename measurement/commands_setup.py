@@ -23,6 +23,7 @@ from measurement.known_points import plane_of_points, plane_of_scale
 from measurement.lens import Exif, lens_profile, read_exif
 from measurement.overlay import draw_points, read_picture
 from measurement.plane import Plane, PlaneError
+from measurement.reasons import reason
 from measurement.setup import Setup, SetupError, magnification
 from measurement.units import UnitError, quantity
 
@@ -62,8 +63,8 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     )
     for path, rms in made.per_image.items():
         click.echo(f"{path}: {rms:.2f} px")
-    for path, reason in made.refused.items():
-        click.echo(f"{path}: refused, {reason}", err=True)
+    for path, why in made.refused.items():
+        click.echo(f"{path}: refused, {why}", err=True)
     click.echo(
         f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
         f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, their corners miss by "
@@ -222,7 +223,7 @@ def _camera_file(path: Path) -> Camera:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise CameraError(f"the camera {path} cannot be read: {error}") from None
+        raise CameraError(f"the camera {path} cannot be read: {reason(error)}") from None
     if not isinstance(table.get("camera"), dict):
         raise CameraError(f"{path} holds no camera; make it with python -m measurement calibrate")
     return Camera.from_table(table["camera"])
@@ -288,7 +289,7 @@ def _write(path: Path, text: str) -> None:
         whole.replace(path)
     except OSError as error:
         whole.unlink(missing_ok=True)
-        _stop(f"{path} cannot be written: {error}", UNUSABLE)
+        _stop(f"{path} cannot be written: {reason(error)}", UNUSABLE)
 
 
 def _stop(sentence: str, status: int) -> NoReturn:

@@ -17,6 +17,7 @@ import numpy as np
 from PIL import ExifTags, Image, UnidentifiedImageError
 
 from measurement.camera import Camera, CameraError, Points, beyond_projection, frame_points
+from measurement.reasons import reason
 
 if TYPE_CHECKING:
     import lensfunpy
@@ -70,7 +71,7 @@ def read_exif(path: Path | str) -> Exif:
             head = image.getexif()
             body = head.get_ifd(ExifTags.IFD.Exif)
     except (OSError, UnidentifiedImageError, SyntaxError) as error:
-        raise CameraError(f"{path} cannot be read as a photograph: {error}") from None
+        raise CameraError(f"{path} cannot be read as a photograph: {reason(error)}") from None
     camera = _text(head.get(ExifTags.Base.Model))
     if not camera:
         raise CameraError(f"{path} does not name its camera (no EXIF); give the camera and the lens by name")
@@ -189,7 +190,7 @@ def _database_file(path: Path) -> lensfunpy.Database:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise CameraError(f"the lens profile {path} cannot be read: {error}") from None
+        raise CameraError(f"the lens profile {path} cannot be read: {reason(error)}") from None
     lensfunpy = _lensfun()
     # Files of lensfun's version 2 write the distortion models that version 1 knows in the same words.
     text = re.sub(r'(<lensdatabase[^>]*\bversion=")2"', r'\g<1>1"', text)

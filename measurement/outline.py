@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from measurement.reasons import reason
+
 Array = npt.NDArray[np.float64]
 
 COLUMNS = "x_m,z_m,error_m"
@@ -133,7 +135,7 @@ class Outline:
         try:
             lines = path.read_text(encoding="utf-8").splitlines()
         except (OSError, UnicodeDecodeError) as error:
-            raise OutlineError(f"{path} cannot be read: {error}") from None
+            raise OutlineError(f"{path} cannot be read: {reason(error)}") from None
         notes: dict[str, str] = {}
         reasons: list[str] = []
         rows: list[list[float]] = []

@@ -11,6 +11,7 @@ from PIL import Image, UnidentifiedImageError
 
 from measurement.camera import Camera, CameraError, Points
 from measurement.plane import Plane
+from measurement.reasons import reason
 
 LONGEST = 2000
 """Pixels of the drawn picture's longer side."""
@@ -28,7 +29,7 @@ def read_picture(path: Path | str) -> NDArray[np.uint8]:
         with Image.open(path) as image:
             return np.asarray(image.convert("RGB"))
     except (OSError, UnidentifiedImageError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise CameraError(f"{path} cannot be read as a photograph: {error}") from None
+        raise CameraError(f"{path} cannot be read as a photograph: {reason(error)}") from None
 
 
 def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: Plane) -> None:

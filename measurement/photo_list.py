@@ -12,6 +12,7 @@ import re
 from pathlib import Path
 
 from measurement.column import Column, ColumnError
+from measurement.reasons import reason
 
 KNOWN = ("file", "pressure", "left", "right", "error")
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp")
@@ -58,7 +59,7 @@ def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise PhotoListError(f"the list of photographs {path} cannot be read: {error}") from None
+        raise PhotoListError(f"the list of photographs {path} cannot be read: {reason(error)}") from None
     lines = [
         (number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip() and line.strip()[0] != "#"
     ]

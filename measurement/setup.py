@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from measurement.camera import Camera, CameraError, Points, as_points
 from measurement.plane import Plane
+from measurement.reasons import reason
 
 VERSION = 1
 """Version of the setup file; one that means something else by its numbers gets another."""
@@ -198,7 +199,7 @@ class Setup:
         try:
             return cls.from_toml(Path(path).read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:
-            raise SetupError(f"the setup {path} cannot be read: {error}") from None
+            raise SetupError(f"the setup {path} cannot be read: {reason(error)}") from None
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
 
