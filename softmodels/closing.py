@@ -66,7 +66,7 @@ def volume_note(row: Mapping[str, Any]) -> str:
         return ""
     return (
         f"the silicone's own volume changed to {row['J_min']:.3f} to {row['J_max']:.3f} of what it was; rubber keeps it, so "
-        "take --poisson nearer to 0.5, or a finer mesh where cells are few"
+        "take --poisson nearer to 0.5"
     )
 
 
