@@ -40,22 +40,21 @@ class VolumeRatio:
         # A second-order element counts its vertices first.
         self._vertices = space.dofmap.list[: len(cells), : points.shape[1] + 1]
         self._sum = la.vector(space.dofmap.index_map, 1)
-        self._whole = self._added(self._shares.sum(axis=1))
+        self._whole = self._weighted(np.ones(volumes.shape))
 
-    def _added(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Sum over the cells around each vertex of values at the cells' corners, on all local nodes."""
+    def _weighted(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Sum over the cells around each vertex of weighted values at their points, shape (cells, points), on local nodes."""
         from dolfinx import la
 
         self._sum.array[:] = 0.0
-        np.add.at(self._sum.array, self._vertices, values)
+        np.add.at(self._sum.array, self._vertices, np.einsum("cqv,cq->cv", self._shares, values))
         self._sum.scatter_reverse(la.InsertMode.add)
         self._sum.scatter_forward()
         return self._sum.array.copy()
 
     def at_corners(self, J: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Means at the corners of each local cell, shape (cells, corners), of J at its points, shape (cells, points)."""
-        sums = self._added(np.einsum("cqv,cq->cv", self._shares, J))
-        return np.array(sums[self._vertices] / self._whole[self._vertices])
+        return np.array(self._weighted(J)[self._vertices] / self._whole[self._vertices])
 
 
 def barycentric(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
