@@ -17,7 +17,7 @@ from softmodels.results import Results, write_text
 from softmodels.silicones import SILICONES, named, stretch_at_break
 from softmodels.stability_report import events, stability_text
 
-VOLUME_CHANGE = 0.1
+VOLUME_CHANGE = 0.05
 """Change of a cell's volume above which the user is told."""
 
 
