@@ -18,7 +18,7 @@ from softmodels.silicones import SILICONES, named, stretch_at_break
 from softmodels.stability_report import events, stability_text
 
 VOLUME_CHANGE = 0.05
-"""Change of a cell's volume above which the user is told."""
+"""Change of the silicone's volume (J at a vertex less 1) above which the user is told."""
 
 
 def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
