@@ -21,6 +21,7 @@ from softmodels.grid import Grid, displacement_maps
 from softmodels.materials import Material
 from softmodels.parallel import largest, total
 from softmodels.strain import HomogeneousStrain
+from softmodels.volume_ratio import VolumeRatio, barycentric
 
 
 def principal_stretches(F: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -50,8 +51,8 @@ def von_mises(stresses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 class Figures:
     """One state in numbers, of the whole device, SI units.
 
-    Extremes of stretch and stress are over the integration points. Those of J are over the cells' means: elements that
-    keep the volume do so in the mean, and their single points scatter around it by an error of the mesh.
+    Extremes of stretch and stress are over the integration points. Those of J are over the vertices, as `VolumeRatio` has
+    it: that is where the elements keep the volume, and cells and points scatter around it by an error of the mesh.
 
     ``cavity_pressures`` and ``cavity_volumes`` (added ones) are of each cavity. ``added_volume`` is what a pressure common to
     all works on: their sum, or the sum of their products with the device's pressure ratios.
@@ -90,7 +91,7 @@ class Fields:
 
     Stresses and stretches at a node are the mean of what the adjoining cells have there by a linear fit through their
     integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where
-    it nearly folds they are beyond all bounds. The volume ratio is the mean of the cells' own means.
+    it nearly folds they are beyond all bounds. The volume ratio is linear between the vertices, where `VolumeRatio` tells it.
     """
 
     @functools.cached_property
@@ -109,10 +110,12 @@ class Fields:
         options = {"jit_options": {"cffi_extra_compile_args": ["-O2"]}}
         F = equilibrium.body.deformation_gradient(equilibrium.displacement, at_axis=True)
         self._to_nodes = _linear_fit(equilibrium.points, space.element.interpolation_points)
+        self._between = barycentric(space.element.interpolation_points)
         self._at_points = fem.Expression(F, equilibrium.points, **options)
         self._dofs = space.dofmap.list[: len(equilibrium.cells)]
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))
+        self._ratio = VolumeRatio(equilibrium.body, space)
         self.rest_volume = equilibrium.rest().V
         self._rest_volumes = equilibrium.volumes()
         self._places = fem.Expression(ufl.SpatialCoordinate(equilibrium.body.mesh), equilibrium.points, **options)
@@ -165,7 +168,7 @@ class Fields:
             for name, node in self._probes.items()
         }
         F = self._gradients(self._at_points)
-        stretches, J = principal_stretches(F), np.linalg.det(F).mean(axis=1)
+        stretches, J = principal_stretches(F), self._ratio.at_corners(np.linalg.det(F))
         stress = von_mises(shape_stresses(eq.material, stretches))
 
         def most(values: npt.NDArray[np.float64]) -> float:
@@ -251,7 +254,7 @@ class Fields:
         stretches = principal_stretches(F)
         stress = np.maximum(von_mises(shape_stresses(eq.material, stretches)) @ self._to_nodes.T, 0.0)
         stretch = np.maximum(stretches[..., -1] @ self._to_nodes.T, 0.0)
-        J = np.repeat(np.linalg.det(F).mean(axis=1)[:, None], len(self._to_nodes), axis=1)
+        J = self._ratio.at_corners(np.linalg.det(F)) @ self._between.T
         fields = {
             "displacement": self._displacement(state),
             "p": self._pressure(state, J) * eq.stress_unit,
@@ -268,10 +271,7 @@ class Fields:
         if self.pressures is None:
             return self._added(J - 1.0) / self._share * float(self.equilibrium.bulk.value)
         values = np.where(self.pressures >= 0, state.w[self.pressures], 0.0)[self._dofs]
-        vertices = self.grid.dimension + 1
-        points = self.grid.space.element.interpolation_points
-        barycentric = np.column_stack([1 - points.sum(axis=1), points])
-        return self._added(values[:, :vertices] @ barycentric.T) / self._share
+        return self._added(values[:, : self._between.shape[1]] @ self._between.T) / self._share
 
     def state(self, nodal: dict[str, npt.NDArray[np.float64]] | None, P: float, V: float) -> State:
         """The state that `nodal` was made of.

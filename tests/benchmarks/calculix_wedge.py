@@ -27,6 +27,7 @@ from pathlib import Path
 
 import numpy as np
 import wedge_case
+from numpy.typing import NDArray
 
 TIGHT = "*CONTROLS, PARAMETERS=FIELD\n1e-7, 1e-5, , , 1e-7, 1e-7, 1e-8, 1e-8\n"
 """Limits on residual and correction in place of the default 0.5 % and 1 %, which are meant for engineering."""
@@ -86,14 +87,14 @@ def write_deck(wedge: wedge_case.Wedge, args: argparse.Namespace) -> str:
     return "".join(parts)
 
 
-def read_displacements(text: str) -> list[dict[int, float]]:
-    """The z displacements in mm by node (from 0) of each completed step."""
-    steps: list[dict[int, float]] = []
+def read_displacements(text: str) -> list[dict[int, NDArray[np.float64]]]:
+    """The displacements (x, y, z) in mm by node (from 0) of each completed step."""
+    steps: list[dict[int, NDArray[np.float64]]] = []
     for line in text.splitlines():
         if "displacements" in line:
             steps.append({})
         elif (words := line.split()) and len(words) == 4 and words[0].isdigit():
-            steps[-1][int(words[0]) - 1] = float(words[3])
+            steps[-1][int(words[0]) - 1] = np.array(words[1:], dtype=float)
     return steps
 
 
@@ -122,7 +123,8 @@ def main() -> None:
     heights = [height for height in args.pressures_cm if height > 0]
     rows = [{"pressure_cm": height, "apex_mm": 0.0, "ceiling_mm": 0.0} for height in args.pressures_cm if height == 0]
     for height, step in zip(heights, steps, strict=False):  # fewer steps than heights: ccx gave up
-        rows.append({"pressure_cm": height, "apex_mm": step[wedge.apex], "ceiling_mm": step[wedge.ceiling]})
+        apex, ceiling = (float(step[node][2]) for node in (wedge.apex, wedge.ceiling))
+        rows.append({"pressure_cm": height, "apex_mm": apex, "ceiling_mm": ceiling})
     found = re.search(r"Version\s+(\S+)", version)
     wedge_case.report(
         {
