@@ -34,6 +34,14 @@ def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
             "last state for cells that fold"
         )
     at = fields.figures(end.limit.state)
+    if path.supply is not None:
+        stroke = path.value(end.limit.state) * fields.equilibrium.volume_unit * 1e6
+        return (
+            f"no equilibrium at a stroke of {asked} on this path: the stroke has a limit point at {stroke:.4g} ml "
+            f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has taken "
+            f"{at.added_volume * 1e6:.4g} ml; beyond it the gas in syringe and tubes expands by itself and the device jumps. "
+            "Stay below, take a smaller --dead-volume or --gas liquid, or follow the path on with --control arc-length"
+        )
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
         f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has taken "
