@@ -97,9 +97,10 @@ def _disk(chance: random.Random, kind: str) -> HollowDisk:
     fillet = chance.choice([0.0, 0.15] if kind == "section" else [0.0] * 9 + [0.15]) * min(
         part["cavity_height"], radius
     )
+    coarse = 0.5 if kind == "wedge" else chance.uniform(0.15, 0.3)
     return HollowDisk(
-        cavity_radius=radius, **part, fillet=fillet, base_fillet=fillet,
-        cell_size=radius * (0.5 if kind == "wedge" else chance.uniform(0.15, 0.3)), refinement=chance.uniform(1.0, 2.5 if kind == "section" else 1.3),
+        cavity_radius=radius, **part, fillet=fillet, base_fillet=fillet, cell_size=radius * coarse,
+        refinement=chance.uniform(1.0, 2.5 if kind == "section" else 1.3),
         section="wedge" if kind == "wedge" else "axisymmetric", angle=chance.choice([30.0, 45.0, 90.0]),
         support=chance.choice(["rim", "base"]),
     )  # fmt: skip

@@ -51,7 +51,7 @@ def test_pressure_control_names_the_limit_too(balloon, limit, solved):
     """It cannot pass a limit point; where no step succeeds any more it looks whether one lies ahead."""
     _, points, end = solved(balloon, [2 * limit.state.P], "pressure")
     assert end is not None and "limit point" in str(end)
-    assert end.limit.state.P == pytest.approx(limit.state.P, rel=1e-9) and points[-1].line == "volume"
+    assert pytest.approx(limit.state.P, rel=1e-9) == end.limit.state.P and points[-1].line == "volume"
 
 
 @pytest.mark.parametrize("control", ["auto", "volume", "arc-length"])

@@ -98,7 +98,7 @@ def test_a_leak_lowers_the_pressure_by_the_mass_it_takes(disk, drive):
 
 
 def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved):
-    """Twenty litres in the tubes: past the largest stroke of the volume-controlled curve there is no state, and that is named."""
+    """Twenty litres in the tubes: there is no state past the volume-controlled curve's largest stroke."""
     syringe = Syringe(syringe=2000 * ML, dead_volume=20000 * ML)
     supply = syringe.control(disk.rest().V * disk.volume_unit, disk.stress_unit, disk.volume_unit)
     path, _, end = solved(disk, [1000 * ML / disk.volume_unit], quantity="stroke", supply=supply)
