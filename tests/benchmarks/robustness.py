@@ -93,10 +93,8 @@ def _disk(chance: random.Random, kind: str) -> HollowDisk:
     radius = 10 ** chance.uniform(-2.3, -1.3)
     spans = {"membrane": (0.08, 0.8), "base": (0.2, 0.8), "wall": (0.15, 1.0), "cavity_height": (0.1, 0.7)}
     part = {name: radius * chance.uniform(*span) for name, span in spans.items()}
-    # A fillet makes a wedge's mesh five times larger: few have one.
-    fillet = chance.choice([0.0, 0.15] if kind == "section" else [0.0] * 9 + [0.15]) * min(
-        part["cavity_height"], radius
-    )
+    # A fillet makes a wedge's mesh five times larger, and is in the sections.
+    fillet = chance.choice([0.0, 0.15] if kind == "section" else [0.0] * 10) * min(part["cavity_height"], radius)
     coarse = 0.5 if kind == "wedge" else chance.uniform(0.15, 0.3)
     return HollowDisk(
         cavity_radius=radius, **part, fillet=fillet, base_fillet=fillet, cell_size=radius * coarse,
@@ -233,12 +231,12 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=2013)
     parser.add_argument("--kind", choices=KINDS, default="section")
-    parser.add_argument("--only", type=int, help="number of one case")
+    parser.add_argument("--first", type=int, default=0, help="number of the case to begin with")
     given = parser.parse_args()
     comm = start()
     began, found = time.perf_counter(), []
     for trial in trials(given.count, given.seed, given.kind):
-        if given.only not in (None, trial.number):
+        if trial.number < given.first:
             continue
         found.append(examine(trial, comm))
         one = found[-1]
