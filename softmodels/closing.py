@@ -17,6 +17,8 @@ from softmodels.results import Results, write_text
 from softmodels.silicones import SILICONES, named, stretch_at_break
 from softmodels.stability_report import events, stability_text
 
+DEEPEST = 0.01
+"""Depth of a contact in sizes of the device above which the user is told."""
 VOLUME_CHANGE = 0.1
 """Change of a cell's volume above which the user is told."""
 
@@ -64,7 +66,22 @@ def contact_notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         return []
     return [
         f"at {first['pressure_cm']:.4g} cm walls that face each other have met: from there on they would press on each other, "
-        "and here they pass through; see walls_touch in path.csv, and leave more room between them"
+        "and here they pass through; see walls_touch in path.csv, and leave more room between them (a wall and its mirror "
+        "image can be stopped at the plane between: --contact with --contact-plane)"
+    ]
+
+
+def depth_notes(case: Case, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence where faces have sunk deep into the plane that stops them."""
+    deepest, most = (
+        max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0),
+        DEEPEST * case.actuator.size * 1e3,
+    )
+    if case.obstacle is None or deepest <= most:
+        return []
+    return [
+        f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
+        f"larger --contact-stiffness than {case.obstacle.stiffness:g}"
     ]
 
 
@@ -81,7 +98,11 @@ def volume_note(row: Mapping[str, Any]) -> str:
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Gather the results, draw them, say how it ended."""
     stored, took = results.stored, None
-    notes = [*stretch_notes(case, results.rows), *contact_notes(results.rows)] if stored and status != BAD_INPUT else []
+    notes = (
+        [*stretch_notes(case, results.rows), *contact_notes(results.rows), *depth_notes(case, results.rows)]
+        if stored and status != BAD_INPUT
+        else []
+    )
     if stored and status != BAD_INPUT:
         try:
             results.finish()
@@ -116,7 +137,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             print(f"softmodels: note: {note}", file=sys.stderr)
         print(
             f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa): {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
-            f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
+            f"added volume {row['added_volume_ml']:.5g} ml{_presses(row)}, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
         if told := stability_text(results.rows, case.actuator):
@@ -124,6 +145,10 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         pictures = f"; pictures (*.png), film.gif and report.html, in {took:.1f} s" if took is not None else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status
+
+
+def _presses(row: Mapping[str, Any]) -> str:
+    return f", contact force {row['contact_force_N']:.4g} N" if "contact_force_N" in row else ""
 
 
 def _bears(case: Case) -> str:

@@ -22,6 +22,7 @@ from softmodels.commandline import fail
 from softmodels.limits import LARGEST_STRETCH, Limit, Tolerance, find_limit, samples, scatter
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import Material, MaterialError
+from softmodels.obstacle import ObstacleError
 from softmodels.parallel import abort_on_error, is_root, start
 from softmodels.results import write_text
 from softmodels.stability_report import unseen
@@ -47,7 +48,8 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
     try:
-        device, materials = _asked(file, material, values)
+        case = None if file is None else Case.from_file(file)
+        device, materials = _asked(case, file, material, values)
         tolerances = [Tolerance.parse(text, type(device)) for text in vary]
         if working_cm is not None and not working_cm > 0:
             raise CaseError(f"--working-cm {working_cm:g}: the working pressure must be above zero")
@@ -58,11 +60,12 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
     cm = pascal_per_cm(water_density)
     spread: list[Any] = []
     try:
-        limits = find_limit(device, list(materials.values()), comm)
+        around = (None, None) if case is None else (case.sheet, case.obstacle)
+        limits = find_limit(device, list(materials.values()), comm, *around)
         first = next(iter(materials.values()))
         if tolerances:
-            spread = scatter(device, first, tolerances, samples(tolerances, count, normal), comm)
-    except CaseError as error:
+            spread = scatter(device, first, tolerances, samples(tolerances, count, normal), comm, *around)
+    except (CaseError, ObstacleError) as error:
         fail(str(error))
     except MeshingError as error:
         fail(str(error), 1)
@@ -79,11 +82,12 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
         _write(output or Path("results") / "limit", table, spread, tolerances, cm, working_cm, limits[0])
 
 
-def _asked(file: Path | None, names: Sequence[str], values: dict[str, Any]) -> tuple[Actuator, dict[str, Material]]:
+def _asked(
+    case: Case | None, file: Path | None, names: Sequence[str], values: dict[str, Any]
+) -> tuple[Actuator, dict[str, Material]]:
     law = {key: values.pop(key) for key in material_names()}
     given = any(value is not None for value in law.values())
-    if file is not None:
-        case = Case.from_file(file)
+    if case is not None:
         device, default = case.actuator, case.material
         changes = {key: value for key, value in values.items() if value is not None and key != "variant"}
         unknown = changes.keys() - {field.name for field in dataclasses.fields(device)}

@@ -19,7 +19,9 @@ from geometries import Actuator, GeometryError
 from measurement.units import UnitError, quantity
 from softmodels.case import STIFFNESS_RANGE, CaseError
 from softmodels.materials import Material
+from softmodels.obstacle import Obstacle
 from softmodels.parallel import on_root
+from softmodels.sheet import Sheet
 
 LARGEST_STRETCH = 5.0
 """Stretch at which the search ends if nothing is met: silicones fail at 3 to 10, and their laws are mostly fitted to less."""
@@ -53,11 +55,23 @@ class Limit:
         return self.kind in ("limit", "bifurcation")
 
 
-def find_limit(actuator: Actuator, materials: Sequence[Material], comm: Any) -> list[Limit]:
+def find_limit(
+    actuator: Actuator,
+    materials: Sequence[Material],
+    comm: Any,
+    sheet: Sheet | None = None,
+    obstacle: Obstacle | None = None,
+) -> list[Limit]:
     """Limits of one device in several materials; it is meshed once.
 
+    Args:
+        actuator: The device.
+        materials: The silicones.
+        comm: MPI communicator.
+        sheet, obstacle: What is bonded to it, and what it comes to rest on.
+
     Raises:
-        MeshingError, BodyError, MaterialError: As for a run.
+        MeshingError, BodyError, MaterialError, ObstacleError: As for a run.
     """
     from softmodels.body import Body
     from softmodels.equilibrium import Equilibrium
@@ -74,7 +88,7 @@ def find_limit(actuator: Actuator, materials: Sequence[Material], comm: Any) -> 
         for material in materials:
             key = (type(material), len(getattr(material, "mu", ())))
             if key not in known:
-                equations = Equilibrium(body, material)
+                equations = Equilibrium(body, material, sheet=sheet, obstacle=obstacle)
                 known[key] = equations, Fields(equations)
             equations, fields = known[key]
             equations.set_material(material)
@@ -196,7 +210,13 @@ def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -
 
 
 def scatter(
-    actuator: Actuator, material: Material, tolerances: Sequence[Tolerance], values: npt.NDArray[np.float64], comm: Any
+    actuator: Actuator,
+    material: Material,
+    tolerances: Sequence[Tolerance],
+    values: npt.NDArray[np.float64],
+    comm: Any,
+    sheet: Sheet | None = None,
+    obstacle: Obstacle | None = None,
 ) -> list[tuple[Mapping[str, float], Limit]]:
     """The limit of each sampled device, with its parameters.
 
@@ -210,5 +230,5 @@ def scatter(
             device = actuator.made(changes)
         except GeometryError as error:
             raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
-        found.append((changes, find_limit(device, [material], comm)[0]))
+        found.append((changes, find_limit(device, [material], comm, sheet, obstacle)[0]))
     return found

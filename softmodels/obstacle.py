@@ -6,7 +6,7 @@ Contact is an energy of the penetration d of every point of the faces, per undef
     phi(d) = k (d^2/2 - e d/2 + e^2/6)           e < d
 
 a penalty k whose onset is rounded over a depth e: its second derivative is continuous, so that Newton's method and the path's
-tangents see no jump (Wriggers 2006, Computational Contact Mechanics, section 6.3). It is conservative and without friction.
+tangents see no jump (Wriggers 2006, Computational Contact Mechanics). It is conservative and without friction.
 A wall that meets its own mirror image presses on the plane of the mirror as on a rigid one, so the same term is the
 contact of neighbouring chambers that are each other's mirror images.
 """
@@ -61,7 +61,7 @@ class Obstacle:
     stiffness: float = STIFFNESS
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.faces, str) and self.roles and isinstance(self.plane, str)):
+        if not (isinstance(self.faces, str) and self.roles and isinstance(self.plane, str) and self.plane):
             raise ObstacleError(
                 "contact needs the faces that are stopped and a plane (--contact top --contact-plane 'z = 9mm')"
             )

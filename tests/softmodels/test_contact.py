@@ -50,3 +50,13 @@ def test_a_thin_wall_does_not_face_itself(made):
     top = disk.base + disk.cavity_height
     squeezed = np.where(points[:, 2] > top, -0.99 * (points[:, 2] - top), 0.0)
     assert walls.met(np.outer(squeezed, [0.0, 0.0, 1.0])) is None
+
+
+def test_a_wall_that_goes_through_its_mirror_plane_is_seen(made):
+    disk, points, walls = made
+    aside = 0.01 * disk.outer_radius
+    for plane in disk.cut_planes:
+        toward = np.outer(np.exp(-(((points @ plane.normal) / disk.cavity_radius) ** 2)), plane.normal)
+        still = np.outer(np.abs(points @ plane.normal) < 1e-9, plane.normal)  # what lies on the plane stays on it
+        assert walls.met(2 * aside * toward * (1 - np.abs(still))) is not None
+        assert walls.met(-aside * toward) is None
