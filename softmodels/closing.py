@@ -137,7 +137,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             print(f"softmodels: note: {note}", file=sys.stderr)
         print(
             f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa): {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
-            f"added volume {row['added_volume_ml']:.5g} ml{_presses(row)}, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
+            f"added volume {row['added_volume_ml']:.5g} ml{_presses(row)}, "
+            f"largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
         if told := stability_text(results.rows, case.actuator):
