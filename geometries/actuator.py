@@ -209,6 +209,13 @@ class Actuator(ABC):
             Mask of shape (n,).
         """
 
+    deviations: ClassVar[Mapping[str, str]] = {}
+    """Ways in m, zero as drawn, in which a workshop makes another device than its parameters say: what each is, a clause."""
+
+    def made(self, values: Mapping[str, float]) -> Actuator:
+        """The device with other values of parameters, and with `deviations`; GeometryError if that is none."""
+        return dataclasses.replace(self, **values)
+
     variable: ClassVar[tuple[str, ...]] = ()
     """Lengths that `velocity` knows: those a mesh can follow by moving its nodes."""
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -171,6 +172,16 @@ class HollowDisk(Actuator):
         along = points[:, 0] * x + points[:, 1] * y
         across = points[:, 1] * x - points[:, 0] * y
         return (np.abs(points[:, 2] - self.height) < near) & (np.abs(across) < near) & (along > -near)
+
+    deviations: ClassVar = {
+        "offset": "how far the cavity sits too high in a part of the same height: the membrane loses what the base gains"
+    }
+
+    def made(self, values: Mapping[str, float]) -> HollowDisk:
+        device = super().made({name: value for name, value in values.items() if name != "offset"})
+        assert isinstance(device, HollowDisk)
+        high = values.get("offset", 0.0)
+        return dataclasses.replace(device, base=device.base + high, membrane=device.membrane - high)
 
     variable: ClassVar[tuple[str, ...]] = ("membrane",)
 

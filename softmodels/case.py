@@ -17,6 +17,7 @@ from measurement.units import WATER_DENSITY, UnitError, exact_text, pascal_per_c
 from softmodels import material_table, supply_table
 from softmodels import program as programs
 from softmodels.materials import Material, MaterialError
+from softmodels.obstacle import STIFFNESS, Obstacle, ObstacleError
 from softmodels.program import Program, ProgramError
 from softmodels.sheet import Sheet
 from softmodels.supply import SupplyError, Syringe
@@ -27,6 +28,7 @@ STIFFNESS_RANGE = 30.0
 """Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""
 MODULI = (500.0, 5e6)
 """Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
+TABLES = ("geometry", "material", "load", "solver", "sheet", "contact", "supply")
 VOLUME_RANGE = 1000.0
 """Added volumes above this many cavities are taken for a mistake in a unit: a silicone tears at a tenth of that stretch."""
 
@@ -53,6 +55,7 @@ class Case:
         supply: The syringe, or None where pressure or volume are imposed.
         cycle: Whether the pressure is lowered again through the same values, and the device jumps at limit points.
         program: What each of several cavities goes through by itself, in place of one requested quantity; else empty.
+        obstacle: A rigid plane that faces of the device come to rest on.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Case:
     supply: Syringe | None = None
     cycle: bool = False
     program: Program = ()
+    obstacle: Obstacle | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
@@ -108,6 +112,11 @@ class Case:
                 f"sheet {self.sheet.face!r} is no face of {type(self.actuator).__name__}; a sheet goes on "
                 f"{' or '.join(self.actuator.faces) or 'none of its faces'}"
             )
+        if self.obstacle is not None:
+            try:
+                self.obstacle.place(self.actuator)
+            except ObstacleError as error:
+                raise CaseError(str(error)) from None
         if self.formulation == "displacement" and math.isinf(self.material.bulk):
             raise CaseError("poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed")
         if self.formulation == "mixed" and self.material.bulk <= 0.0:
@@ -204,6 +213,8 @@ class Case:
         }
         if self.sheet is not None:
             tables["sheet"] = {"face": self.sheet.face, "stiffness": exact_text(self.sheet.stiffness, "N/m")}
+        if self.obstacle is not None:
+            tables["contact"] = dataclasses.asdict(self.obstacle)
         if self.supply is not None:
             tables["supply"] = supply_table.to_table(self.supply)
         return tomli_w.dumps(tables)
@@ -223,8 +234,8 @@ class Case:
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise CaseError(f"not valid TOML: {error}") from None
-        _known(tables, "the case", ("name", "geometry", "material", "load", "solver", "sheet", "supply"))
-        for table in ("geometry", "material", "load", "solver", "sheet", "supply"):
+        _known(tables, "the case", ("name", *TABLES))
+        for table in TABLES:
             if not isinstance(tables.get(table, {}), dict):
                 raise CaseError(f"{table} is {tables[table]!r}; it must be a table, which begins with a line [{table}]")
         load, solver = tables.get("load", {}), tables.get("solver", {})
@@ -248,12 +259,13 @@ class Case:
                 control=load.get("control", "auto"),
                 formulation=solver.get("formulation", "mixed"),
                 sheet=_sheet(tables["sheet"]) if "sheet" in tables else None,
+                obstacle=_obstacle(tables["contact"]) if "contact" in tables else None,
                 cycle=_flag(load.get("cycle", False)),
                 strokes_ml=series(load.get("stroke_ml", ()), "stroke"),
                 supply=supply_table.from_table(tables["supply"]) if "supply" in tables else None,
                 program=programs.from_tables(program) if program else (),
             )
-        except (GeometryError, MaterialError, SupplyError, ProgramError) as error:
+        except (GeometryError, MaterialError, ObstacleError, ProgramError, SupplyError) as error:
             raise CaseError(str(error)) from None
 
     @classmethod
@@ -283,6 +295,11 @@ def _known(table: Mapping[str, Any], where: str, names: tuple[str, ...]) -> None
 def _sheet(table: Mapping[str, Any]) -> Sheet:
     _known(table, "[sheet]", ("face", "stiffness"))
     return sheet_from(table.get("face"), table.get("stiffness"))
+
+
+def _obstacle(table: Mapping[str, Any]) -> Obstacle:
+    _known(table, "[contact]", ("faces", "plane", "stiffness"))
+    return Obstacle(table.get("faces", ""), table.get("plane", ""), table.get("stiffness", STIFFNESS))
 
 
 def sheet_from(face: Any, stiffness: Any) -> Sheet:

@@ -20,6 +20,8 @@ from softmodels.results import Results, write_text
 from softmodels.silicones import SILICONES, named, stretch_at_break
 from softmodels.stability_report import events, stability_text
 
+DEEPEST = 0.01
+"""Depth of a contact in sizes of the device above which the user is told."""
 VOLUME_CHANGE = 0.05
 """Change of the silicone's volume (J at a vertex less 1) above which the user is told."""
 
@@ -37,6 +39,14 @@ def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
             "last state for cells that fold"
         )
     at = fields.figures(end.limit.state)
+    if path.supply is not None:
+        stroke = path.value(end.limit.state) * fields.equilibrium.volume_unit * 1e6
+        return (
+            f"no equilibrium at a stroke of {asked} on this path: the stroke has a limit point at {stroke:.4g} ml "
+            f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has taken "
+            f"{at.added_volume * 1e6:.4g} ml; beyond it the gas in syringe and tubes expands by itself and the device jumps. "
+            "Stay below, take a smaller --dead-volume or --gas liquid, or follow the path on with --control arc-length"
+        )
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
         f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has taken "
@@ -84,7 +94,22 @@ def contact_notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         return []
     return [
         f"at {first['pressure_cm']:.4g} cm walls that face each other have met: from there on they would press on each other, "
-        "and here they pass through; see walls_touch in path.csv, and leave more room between them"
+        "and here they pass through; see walls_touch in path.csv, and leave more room between them (a wall and its mirror "
+        "image can be stopped at the plane between: --contact with --contact-plane)"
+    ]
+
+
+def depth_notes(case: Case, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence where faces have sunk deep into the plane that stops them."""
+    deepest, most = (
+        max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0),
+        DEEPEST * case.actuator.size * 1e3,
+    )
+    if case.obstacle is None or deepest <= most:
+        return []
+    return [
+        f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
+        f"larger --contact-stiffness than {case.obstacle.stiffness:g}"
     ]
 
 
@@ -101,7 +126,11 @@ def volume_note(row: Mapping[str, Any]) -> str:
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Gather the results, draw them, say how it ended."""
     stored, took = results.stored, None
-    notes = [*stretch_notes(case, results.rows), *contact_notes(results.rows)] if stored and status != BAD_INPUT else []
+    notes = (
+        [*stretch_notes(case, results.rows), *contact_notes(results.rows), *depth_notes(case, results.rows)]
+        if stored and status != BAD_INPUT
+        else []
+    )
     if stored and status != BAD_INPUT:
         try:
             results.finish()
@@ -136,7 +165,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             print(f"softmodels: note: {note}", file=sys.stderr)
         print(
             f"{_loaded(row)}: {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
-            f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
+            f"added volume {row['added_volume_ml']:.5g} ml{_presses(row)}, "
+            f"largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
         if told := stability_text(results.rows, case.actuator):
@@ -151,6 +181,10 @@ def _loaded(row: Mapping[str, Any]) -> str:
     if "load_step" in row and cavities:
         return ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1))
     return f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa)"
+
+
+def _presses(row: Mapping[str, Any]) -> str:
+    return f", contact force {row['contact_force_N']:.4g} N" if "contact_force_N" in row else ""
 
 
 def _bears(case: Case) -> str:

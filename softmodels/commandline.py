@@ -17,6 +17,7 @@ from measurement.units import WATER_DENSITY
 from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series, sheet_from
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import MaterialError
+from softmodels.obstacle import STIFFNESS, Obstacle, ObstacleError
 from softmodels.parallel import StartError, speaks
 from softmodels.supply import SupplyError
 from softmodels.supply_table import supply_from, supply_options
@@ -73,7 +74,8 @@ def device_command(
     name = device.stem
 
     def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
-                sheet: str | None, sheet_stiffness: float | None,
+                sheet: str | None, sheet_stiffness: float | None, contact: str | None, contact_plane: str | None,
+                contact_stiffness: float,
                 output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...],
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
@@ -89,6 +91,7 @@ def device_command(
                 sheet=sheet_from(sheet, sheet_stiffness) if (sheet, sheet_stiffness) != (None, None) else None,
                 strokes_ml=series(stroke_ml, "stroke") if stroke_ml is not None else (), supply=supply,
                 cycle=cycle,
+                obstacle=Obstacle(contact or "", contact_plane or "", contact_stiffness) if contact or contact_plane else None,
             )  # fmt: skip
 
         execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc, branch)
@@ -101,6 +104,12 @@ def device_command(
                         help="Displacement and pressure, or displacement alone (compressible studies).")(made)  # fmt: skip
     made = click.option("--control", type=click.Choice(CONTROLS), default="auto", show_default=True,
                         help="What the path follows.")(made)  # fmt: skip
+    made = click.option("--contact-stiffness", type=float, default=STIFFNESS, show_default=True,
+                        help="Shear moduli of contact pressure per sinking in by one size of the device.")(made)  # fmt: skip
+    made = click.option("--contact-plane", metavar="PLANE", help="The rigid plane: 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm'"
+                        ", or a cut plane's name for walls that meet their mirror image.")(made)  # fmt: skip
+    made = click.option("--contact", metavar="FACES", help="Faces that a rigid plane without friction stops, such as top; its "
+                        "force is in path.csv.")(made)  # fmt: skip
     made = click.option("--sheet-stiffness", type=QuantityType("N/m"),
                         help="Young's modulus times thickness of the sheet, such as 50kN/m.")(made)  # fmt: skip
     made = click.option("--sheet", metavar="FACE",
@@ -136,7 +145,7 @@ def execute(
     try:
         ready = case()
         _check_words(petsc)
-    except (CaseError, GeometryError, MaterialError, SupplyError) as error:
+    except (CaseError, GeometryError, MaterialError, ObstacleError, SupplyError) as error:
         fail(str(error))
     from softmodels.running import run
 

@@ -1,7 +1,11 @@
 """Do walls that face each other across air meet? Said, not resisted: the solver lets them pass through each other.
 
+Resisting it between any two walls would couple unknowns that no cell shares, pairs that change as the walls slide: another
+matrix in every step. A wall that meets its mirror image is simpler, for the plane between them stands still: see `obstacle`.
+
 Two facets of the surface face each other if air lies between them at rest and their normals are opposed. They have met once
-one lies behind the other. Facets of one thin wall are opposed too, but have silicone between them.
+one lies behind the other; a wall has met its mirror image once it lies behind the cut plane. Facets of one thin wall are
+opposed too, but have silicone between them.
 """
 
 from __future__ import annotations
@@ -19,6 +23,9 @@ OPPOSED = -0.3
 
 BESIDE = 0.7
 """Largest distance along the wall, in sizes of the facets, of two that lie opposite each other."""
+
+THROUGH = 5e-3
+"""How far through a cut plane a wall has to be, in sizes of the mesh; walls that a plane stops sink in by less."""
 
 
 class Walls:
@@ -38,10 +45,11 @@ class Walls:
         owner = np.repeat(np.arange(len(cells)), len(parts))
         _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
         facets, owner = facets[first[count == 1]], owner[first[count == 1]]
-        size = float(np.ptp(points, axis=0).max())
+        size = self.size = float(np.ptp(points, axis=0).max())
+        self.planes = [np.asarray(normal, dtype=float) for normal in planes]
         cut = np.zeros(len(facets), dtype=bool)
-        for normal in planes:
-            cut |= (np.abs(points[facets] @ np.asarray(normal, dtype=float)) < 1e-7 * size).all(axis=1)
+        for plane in self.planes:
+            cut |= (np.abs(points[facets] @ plane) < 1e-7 * size).all(axis=1)
         if self.flat:
             cut |= (np.abs(points[facets][..., 0]) < 1e-7 * size).all(axis=1)
         self.facets = facets[~cut]
@@ -71,6 +79,10 @@ class Walls:
             displacement: Of the nodes in m, shape (n, 3).
         """
         middle, normal, size = self._measured(self.points + displacement)
+        for plane in self.planes:
+            beyond = middle @ plane
+            if beyond.max(initial=-np.inf) > THROUGH * self.size:
+                return np.asarray(middle[int(np.argmax(beyond))])
         reach = 1.2 * float(np.percentile(size, 75))
         i, j = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
         near = np.einsum("pi,pi->p", normal[i], normal[j]) < OPPOSED

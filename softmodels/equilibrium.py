@@ -22,6 +22,7 @@ from softmodels.bordered import Bordered
 from softmodels.controls import Control, Curve, pressure_control
 from softmodels.drive import Drive
 from softmodels.materials import Material, MaterialError
+from softmodels.obstacle import Contact, Obstacle
 from softmodels.parallel import largest, total
 from softmodels.sheet import Sheet, membrane_energy
 from softmodels.strain import Strain
@@ -84,12 +85,21 @@ class Equilibrium:
         material: Law and parameters.
         formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
         sheet: A thin sheet bonded to one of the body's faces.
+        obstacle: A rigid plane that stops some of the faces.
 
     Raises:
         MaterialError: An incompressible material in the displacement formulation.
+        ObstacleError: A plane that these faces cannot come to rest on.
     """
 
-    def __init__(self, body: Body, material: Material, formulation: str = "mixed", sheet: Sheet | None = None):
+    def __init__(
+        self,
+        body: Body,
+        material: Material,
+        formulation: str = "mixed",
+        sheet: Sheet | None = None,
+        obstacle: Obstacle | None = None,
+    ):
         import basix.ufl
         import ufl
         from dolfinx import fem
@@ -135,6 +145,10 @@ class Equilibrium:
         self._direction = fem.Function(self.space)
         # Every term of the potential has forms of its own, added up when assembled: bodies share the law's, laws the load's.
         energies = self.energies(self.density(self.parameters, self.bulk), self._stiffness)
+        self.contact = None if obstacle is None else Contact(obstacle, body, y)
+        if self.contact is not None:
+            energies += self.contact.energies
+        self._contact_forces = [form(force) for force in self.contact.forces] if self.contact else []
         self._stored = [form(energy) for energy in energies]
         forces = [ufl.derivative(energy, self.w, test) for energy in energies]
         self._inner = [form(force) for force in forces]
@@ -303,6 +317,10 @@ class Equilibrium:
             b.scatter_reverse(la.InsertMode.add)
             total_force += factor * float(b.array[dofs[dofs < self.n]].sum())
         return total(self.comm, total_force)
+
+    def contact_force(self) -> float:
+        """Force of the current state on the obstacle, of the slice, dimensionless; 0 without one."""
+        return sum((self._scalar(form) for form in self._contact_forces), 0.0)
 
     def smallest_J(self) -> float:
         """Smallest volume ratio at the integration points of the current state."""

@@ -186,6 +186,7 @@ class Fields:
             device={
                 **actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
                 **self._blocked(),
+                **self._pressed(state),
                 **self._stiffness(state),
             },
             max_displacement=most(np.linalg.norm(u, axis=1)),
@@ -207,6 +208,28 @@ class Fields:
         component = int(np.argmax(eq.body.skew @ np.asarray(eq.body.actuator.lift)))
         unit = eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
         return {"blocked_force_N": eq.force(role, component) * unit}
+
+    def _pressed(self, state: State) -> dict[str, float]:
+        """Force in N of the whole device on the plane that stops it, and how deep it has sunk in; nothing without one.
+
+        Planes that a cut-out slice's copies bring along count with theirs.
+        """
+        from dolfinx import fem
+
+        eq, contact = self.equilibrium, self.equilibrium.contact
+        if contact is None:
+            return {}
+        nodes = fem.locate_dofs_topological(self.grid.space, eq.body.mesh.topology.dim - 1, contact.facets)
+        nodes = nodes[nodes < self.grid.owned]
+        d = self.grid.dimension
+        places = self.grid.space.tabulate_dof_coordinates()[nodes, :d]
+        gaps = contact.gaps(places + state.w[self.skew[nodes]] @ eq.body.skew_inverse.T)
+        deepest = largest(eq.comm, float(-gaps.min()) if gaps.size else -math.inf)
+        unit = eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
+        return {
+            "contact_force_N": eq.contact_force() * unit,
+            "contact_depth_mm": max(deepest, 0.0) * eq.length_unit * 1e3,
+        }
 
     def _stiffness(self, state: State) -> dict[str, float]:
         """Stiffness in N/m of the whole device along the lift at a state, if it tells of one: a tangent, no difference.

@@ -14,6 +14,7 @@ import click
 import numpy as np
 
 from geometries import Actuator, GeometryError, HollowDisk, MeshingError
+from geometries.fields import shown
 from geometries.options import QuantityType, device_from, device_options
 from measurement.units import WATER_DENSITY, pascal_per_cm
 from softmodels.case import Case, CaseError
@@ -21,6 +22,7 @@ from softmodels.commandline import fail
 from softmodels.limits import LARGEST_STRETCH, Limit, Tolerance, find_limit, samples, scatter
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import Material, MaterialError
+from softmodels.obstacle import ObstacleError
 from softmodels.parallel import abort_on_error, is_root, start
 from softmodels.results import write_text
 from softmodels.stability_report import unseen
@@ -33,16 +35,21 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
     """Tell the largest pressure a device can bear, and where it is strained most there.
 
     The device is that of a case FILE or of the options below (as a section, unless --section says otherwise); every
-    --material adds a row. With --vary the limit's scatter over fabrication tolerances is added.
+    --material adds a row. With --vary the limit's scatter over fabrication tolerances is added: of any thickness or other
+    length, and of the offset of the cavity, which on a disk sits too high in a part of the same height (a thinner membrane
+    over a thicker base). A disk's core that is shifted sideways has no effect to first order, for shifts to the left and to
+    the right do the same; it is not sampled.
 
     \b
     Examples:
       softmodels limit results/disk/case.toml
       softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-cm 20
-      softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary wall=5mm+-0.3mm
+      softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
+      softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
     try:
-        device, materials = _asked(file, material, values)
+        case = None if file is None else Case.from_file(file)
+        device, materials = _asked(case, file, material, values)
         tolerances = [Tolerance.parse(text, type(device)) for text in vary]
         if working_cm is not None and not working_cm > 0:
             raise CaseError(f"--working-cm {working_cm:g}: the working pressure must be above zero")
@@ -53,11 +60,12 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
     cm = pascal_per_cm(water_density)
     spread: list[Any] = []
     try:
-        limits = find_limit(device, list(materials.values()), comm)
+        around = (None, None) if case is None else (case.sheet, case.obstacle)
+        limits = find_limit(device, list(materials.values()), comm, *around)
         first = next(iter(materials.values()))
         if tolerances:
-            spread = scatter(device, first, tolerances, samples(tolerances, count, normal), comm)
-    except CaseError as error:
+            spread = scatter(device, first, tolerances, samples(tolerances, count, normal), comm, *around)
+    except (CaseError, ObstacleError) as error:
         fail(str(error))
     except MeshingError as error:
         fail(str(error), 1)
@@ -69,16 +77,17 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
     if hidden := unseen(device):
         click.echo(f"note: {hidden}")
     if spread:
-        click.echo(_scatter_text(spread, cm, working_cm))
+        click.echo(_scatter_text(spread, tolerances, cm, working_cm))
     if output is not None or spread:
-        _write(output or Path("results") / "limit", table, spread, cm, working_cm, limits[0])
+        _write(output or Path("results") / "limit", table, spread, tolerances, cm, working_cm, limits[0])
 
 
-def _asked(file: Path | None, names: Sequence[str], values: dict[str, Any]) -> tuple[Actuator, dict[str, Material]]:
+def _asked(
+    case: Case | None, file: Path | None, names: Sequence[str], values: dict[str, Any]
+) -> tuple[Actuator, dict[str, Material]]:
     law = {key: values.pop(key) for key in material_names()}
     given = any(value is not None for value in law.values())
-    if file is not None:
-        case = Case.from_file(file)
+    if case is not None:
         device, default = case.actuator, case.material
         changes = {key: value for key, value in values.items() if value is not None and key != "variant"}
         unknown = changes.keys() - {field.name for field in dataclasses.fields(device)}
@@ -127,32 +136,51 @@ def _sentence(row: dict[str, Any], found: Limit, device: Actuator) -> str:
     return text
 
 
-def _scatter_text(spread: list[Any], cm: float, working_cm: float | None) -> str:
-    pressures = np.array([found.pressure / cm for _, found in spread if found.found])
-    without = len(spread) - len(pressures)
-    if not len(pressures):
+def _borne(spread: list[Any]) -> tuple[str, list[Any]]:
+    """What the devices within the tolerances bear: their limits; where none has one, the pressures of the largest stretch."""
+    found = [one for one in spread if one[1].found]
+    stretched = [one for one in spread if one[1].kind == "none"]
+    return (
+        ("limit pressure", found)
+        if found or not stretched
+        else (f"pressure at a stretch of {LARGEST_STRETCH:g}", stretched)
+    )
+
+
+def _scatter_text(spread: list[Any], tolerances: Sequence[Tolerance], cm: float, working_cm: float | None) -> str:
+    what, counted = _borne(spread)
+    if not counted:
         return f"none of the {len(spread)} devices within the tolerances has a limit"
+    pressures = np.array([found.pressure / cm for _, found in counted])
     quantiles = np.percentile(pressures, PERCENTILES)
-    text = f"{len(spread)} devices within the tolerances: limit " + ", ".join(
+    text = f"{len(spread)} devices within the tolerances: {what} " + ", ".join(
         f"{q:.4g} cm ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
     )
     text += f"; lowest {pressures.min():.4g} cm, highest {pressures.max():.4g} cm"
-    if without:
+    if without := len(spread) - len(counted):
         text += f"; {without} have none or were not followed to it"
-    names = list(spread[0][0])
-    logs = np.log([[changes[name] for name in names] for changes, found in spread if found.found])
-    if len(pressures) > len(names) + 1:  # all parameters at once: one alone would take the others' scatter for its own
-        slopes = np.linalg.lstsq(logs - logs.mean(axis=0), np.log(pressures / pressures.mean()), rcond=None)[0]
-        for name, slope in zip(names, slopes, strict=True):
-            text += f"\n  {name.replace('_', ' ')}: one percent more changes the limit by about {slope:+.2g} %"
+    if (
+        len(pressures) > len(tolerances) + 1
+    ):  # all parameters at once: one alone would take the others' scatter for its own
+        values = [[_regressor(t, changes[t.name]) for t in tolerances] for changes, _ in counted]
+        slopes = np.linalg.lstsq(values - np.mean(values, axis=0), np.log(pressures / pressures.mean()), rcond=None)[0]
+        for t, slope in zip(tolerances, slopes, strict=True):
+            more = shown(t.half, t.unit) if t.signed else "one percent"
+            effect = 100 * np.expm1(slope) if t.signed else slope
+            text += f"\n  {t.name.replace('_', ' ')}: {more} more changes the {what} by about {effect:+.2g} %"
     if working_cm is not None:
         text += f"\n  {np.mean(pressures < working_cm) * 100:.3g} % lie below the working pressure"
     return text
 
 
+def _regressor(tolerance: Tolerance, value: float) -> float:
+    return (value - tolerance.middle) / tolerance.half if tolerance.signed else float(np.log(value))
+
+
 def _write(
-    folder: Path, table: list[dict[str, Any]], spread: list[Any], cm: float, working_cm: float | None, nominal: Limit
-) -> None:
+    folder: Path, table: list[dict[str, Any]], spread: list[Any], tolerances: Sequence[Tolerance], cm: float,
+    working_cm: float | None, nominal: Limit,
+) -> None:  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
     _csv(folder / "limit.csv", table)
@@ -161,9 +189,11 @@ def _write(
         _csv(folder / "scatter.csv", rows)
         from softmodels.limit_plots import scatter_figure
 
-        pressures = [(changes, found.pressure / cm) for changes, found in spread if found.found]
-        if pressures:
-            scatter_figure(pressures, nominal.pressure / cm, working_cm).savefig(folder / "scatter.png")
+        what, counted = _borne(spread)
+        if counted:
+            pressures = [(changes, found.pressure / cm) for changes, found in counted]
+            figure = scatter_figure(pressures, tolerances, what, nominal.pressure / cm, working_cm)
+            figure.savefig(folder / "scatter.png")
     click.echo(f"tables in {folder}")
 
 
@@ -186,7 +216,8 @@ def _command() -> click.Command:
     made = click.option("--samples", "count", type=click.IntRange(2, 4096), default=32, show_default=True,
                         help="Devices within the tolerances.")(made)  # fmt: skip
     made = click.option("--vary", multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
-                        "membrane=2mm+-0.2mm; may be repeated.")(made)  # fmt: skip
+                        "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); may be "
+                        "repeated.")(made)  # fmt: skip
     made = click.option("--working-cm", type=float, help="Working pressure in cm of water, for the margin.")(made)
     made = click.argument("file", required=False, type=click.Path(path_type=Path))(made)
     command = click.command(name="limit", context_settings={"help_option_names": ["-h", "--help"]})(made)

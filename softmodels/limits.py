@@ -19,7 +19,9 @@ from geometries import Actuator, GeometryError
 from measurement.units import UnitError, quantity
 from softmodels.case import STIFFNESS_RANGE, CaseError
 from softmodels.materials import Material
+from softmodels.obstacle import Obstacle
 from softmodels.parallel import on_root
+from softmodels.sheet import Sheet
 
 LARGEST_STRETCH = 5.0
 """Stretch at which the search ends if nothing is met: silicones fail at 3 to 10, and their laws are mostly fitted to less."""
@@ -32,7 +34,7 @@ class Limit:
     Attributes:
         kind: ``"limit"`` (the pressure has a maximum), ``"bifurcation"`` (it leaves its shape before that), ``"none"`` (the
             stretch of `LARGEST_STRETCH` came first), or ``"lost"`` (the path could not be followed so far).
-        pressure: Pressure in Pa there; for ``"none"`` and ``"lost"`` the last one known to be stable.
+        pressure: Pressure in Pa there; for ``"none"`` at that stretch, for ``"lost"`` the last one known to be stable.
         added_volume: Volume in m3 taken by then.
         rises: Rise of the probes in m.
         stretch: Largest principal stretch.
@@ -53,11 +55,23 @@ class Limit:
         return self.kind in ("limit", "bifurcation")
 
 
-def find_limit(actuator: Actuator, materials: Sequence[Material], comm: Any) -> list[Limit]:
+def find_limit(
+    actuator: Actuator,
+    materials: Sequence[Material],
+    comm: Any,
+    sheet: Sheet | None = None,
+    obstacle: Obstacle | None = None,
+) -> list[Limit]:
     """Limits of one device in several materials; it is meshed once.
 
+    Args:
+        actuator: The device.
+        materials: The silicones.
+        comm: MPI communicator.
+        sheet, obstacle: What is bonded to it, and what it comes to rest on.
+
     Raises:
-        MeshingError, BodyError, MaterialError: As for a run.
+        MeshingError, BodyError, MaterialError, ObstacleError: As for a run.
     """
     from softmodels.body import Body
     from softmodels.equilibrium import Equilibrium
@@ -74,7 +88,7 @@ def find_limit(actuator: Actuator, materials: Sequence[Material], comm: Any) -> 
         for material in materials:
             key = (type(material), len(getattr(material, "mu", ())))
             if key not in known:
-                equations = Equilibrium(body, material)
+                equations = Equilibrium(body, material, sheet=sheet, obstacle=obstacle)
                 known[key] = equations, Fields(equations)
             equations, fields = known[key]
             equations.set_material(material)
@@ -94,11 +108,12 @@ def _search(equations: Any, fields: Any) -> Limit:
     kind, why, last = "none", "", None
     try:
         for point in trace(path, [STIFFNESS_RANGE]):
-            last = point
+            before, last = last, point
             if point.limit or point.bifurcation:
                 kind = "limit" if point.limit else "bifurcation"
                 break
             if fields.figures(point.state).max_stretch > LARGEST_STRETCH:
+                last = _stretched(path, fields, before, point)
                 break
     except (PathEnd, NoConvergence) as end:
         kind, why = "lost", str(end)
@@ -114,16 +129,36 @@ def _search(equations: Any, fields: Any) -> Limit:
     )  # fmt: skip
 
 
+def _stretched(path: Any, fields: Any, before: Any, after: Any) -> Any:
+    """The point between two where the largest stretch is `LARGEST_STRETCH`, to a part in a thousand or so."""
+    for _ in range(2):  # each time from the end that is nearer
+        low, high = (fields.figures(point.state).max_stretch for point in (before, after))
+        between = path.on_the_way(before, after, (LARGEST_STRETCH - low) / (high - low))
+        before, after = (
+            (between, after) if fields.figures(between.state).max_stretch < LARGEST_STRETCH else (before, between)
+        )
+    return between
+
+
 # -- the scatter of a workshop ----------------------------------------------------------------------------------------
 
 
 @dataclasses.dataclass(frozen=True)
 class Tolerance:
-    """A parameter of the device and how far it may be off: ``middle`` plus or minus ``half``, in the parameter's unit."""
+    """A parameter or deviation of the device and how far it may be off: ``middle`` plus or minus ``half``.
+
+    Attributes:
+        name: A field of the device, or one of its `Actuator.deviations`.
+        middle, half: In ``unit``.
+        unit: ``"m"``, ``"degree"`` or ``""``.
+        signed: Whether it may be zero or below, so that its effect is told per half width and not per percent.
+    """
 
     name: str
     middle: float
     half: float
+    unit: str = "m"
+    signed: bool = False
 
     @classmethod
     def parse(cls, text: str, device: type[Actuator]) -> Tolerance:
@@ -136,18 +171,24 @@ class Tolerance:
         if match is None:
             raise CaseError(f"--vary {text!r} is not of the form membrane=2mm+-0.2mm")
         name, middle, half = match[1].replace("-", "_"), match[2], match[3]
-        units = {f.name: f.metadata["unit"] for f in dataclasses.fields(device) if "choices" not in f.metadata}
-        if name not in units:
-            known = ", ".join(key.replace("_", "-") for key in units)
-            raise CaseError(f"--vary {text!r}: {device.__name__} has no parameter {match[1]!r} to vary; it has {known}")
+        fields = {f.name: f.metadata for f in dataclasses.fields(device) if not f.metadata.keys() & {"choices", "kind"}}
+        known = {name: (meta["unit"], bool(meta.get("signed"))) for name, meta in fields.items()}
+        known |= dict.fromkeys(device.deviations, ("m", True))
+        if name not in known:
+            listed = ", ".join(key.replace("_", "-") for key in known)
+            raise CaseError(
+                f"--vary {text!r}: {device.__name__} has no parameter {match[1]!r} to vary; it has {listed}"
+            )
+        unit, signed = known[name]
         try:
-            value = quantity(middle, units[name])
-            width = value * float(half[:-1]) / 100 if half.endswith("%") else quantity(half, units[name])
+            value = quantity(middle, unit)
+            width = abs(value) * float(half[:-1]) / 100 if half.endswith("%") else quantity(half, unit)
         except (UnitError, ValueError) as error:
             raise CaseError(f"--vary {text!r}: {error}") from None
-        if not 0.0 < width < value:
-            raise CaseError(f"--vary {text!r}: the tolerance must lie between zero and the value")
-        return cls(name, value, width)
+        if not width > 0.0 or (not signed and width >= value):
+            between = "above zero" if signed else "between zero and the value"
+            raise CaseError(f"--vary {text!r}: the tolerance must lie {between}")
+        return cls(name, value, width, unit, signed)
 
 
 def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -> npt.NDArray[np.float64]:
@@ -169,7 +210,13 @@ def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -
 
 
 def scatter(
-    actuator: Actuator, material: Material, tolerances: Sequence[Tolerance], values: npt.NDArray[np.float64], comm: Any
+    actuator: Actuator,
+    material: Material,
+    tolerances: Sequence[Tolerance],
+    values: npt.NDArray[np.float64],
+    comm: Any,
+    sheet: Sheet | None = None,
+    obstacle: Obstacle | None = None,
 ) -> list[tuple[Mapping[str, float], Limit]]:
     """The limit of each sampled device, with its parameters.
 
@@ -180,8 +227,8 @@ def scatter(
     for row in values:
         changes = {t.name: float(value) for t, value in zip(tolerances, row, strict=True)}
         try:
-            device = dataclasses.replace(actuator, **changes)
+            device = actuator.made(changes)
         except GeometryError as error:
             raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
-        found.append((changes, find_limit(device, [material], comm)[0]))
+        found.append((changes, find_limit(device, [material], comm, sheet, obstacle)[0]))
     return found

@@ -244,10 +244,11 @@ class Path:
             except NoConvergence as failure:
                 self.report(f"step of {share:.3g} failed ({failure}); halved")
                 step = share / 2
-                if self.control == "auto" and self.line == "pressure" and step < 0.02 * self.last.step:
-                    self.follow("volume")
+                shortest = SHORTEST * self.first_steps[self.line]
+                if self.ends and direct and step < max(0.02 * self.last.step, shortest):
+                    self.follow("volume")  # which passes a limit point, and so tells one from a failure
                     step, direct = self.last.step, False
-                elif step < SHORTEST * self.first_steps[self.line]:
+                elif step < shortest:
                     raise PathEnd(f"no step of any length succeeded ({failure})") from failure
 
     def _check_branch(self, state: State) -> None:
@@ -267,9 +268,22 @@ class Path:
         elif self.line == "volume" and 0 < softened < SOFTENING / 2:
             self.follow("pressure")
 
-    def ends_past(self, limit: Point) -> bool:
-        """Whether a limit point ends the path: a pressure above it has no state, a volume has one."""
-        return self.control == "auto" and self.quantity == "pressure" and limit.limit
+    @property
+    def ends(self) -> bool:
+        """Whether a limit point of what is requested ends the path: beyond it that has no state. A volume has one."""
+        return self.control in ("auto", "pressure") and self.quantity != "volume"
+
+    def turn(self, before: Point, after: Point) -> list[Point]:
+        """The limit point of the stroke between two points, if there is one: there the gas goes on to push by itself."""
+        if self.supply is None or self._stroke_slope(before) <= 0.0 or self._stroke_slope(after) >= 0.0:
+            return []
+        return [self.point(self._bisect(before, after, self._stroke_slope))]
+
+    def _stroke_slope(self, point: Point) -> float:
+        """dS/dV along the path."""
+        assert self.supply is not None
+        a, b = self.supply.slopes(point.state.V, point.state.P)
+        return a + b * point.tangent.P / point.tangent.V
 
     def rate(self, quantity: str) -> float:
         """How fast a quantity changes along the last point's tangent."""
@@ -424,14 +438,17 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         path.choose(met is not None)
         before = path.last
         step = before.step
-        if met is not None and path.ends_past(met):
+        if met is not None and path.ends and path.quantity == "pressure":
             step = min(step, PAST_LIMIT / 2 * (met.state.V - path.V0))
         try:
             after = path.advance(step, left[0])
         except PathEnd as end:
-            raise PathEnd(str(end), met) from end
-        passed = before
-        for stop in [*events(path, before, after), after]:
+            raise PathEnd(str(end), met if path.quantity == "pressure" else None) from end
+        passed, turn = before, path.turn(before, after)
+        stops = [*events(path, before, after), after]
+        if turn:
+            stops = sorted([*turn, *stops], key=lambda point: abs(point.state.V - before.state.V))
+        for stop in stops:
             # On its own line the path stops at a goal by itself; on another it has to look back for those it passed.
             while path.line != path.quantity and path.value(passed.state) < left[0] <= path.value(stop.state):
                 passed = path.keep(path.between(passed, stop, left[0]))
@@ -443,13 +460,20 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
             if met is None and stop.limit and before.tangent.P > 0:
                 met = passed
             yield passed
+            if stop in turn and path.ends:
+                raise PathEnd("the stroke has a limit point", passed)
         left = left[1:] if after.requested else left
 
 
 def _check_end(path: Path, met: Point | None) -> None:
     """End a path that has gone far enough past its limit point, or too far altogether."""
     added = path.last.state.V - path.V0
-    if met is not None and path.ends_past(met) and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
+    if (
+        met is not None
+        and path.ends
+        and path.quantity == "pressure"
+        and added > (1 + PAST_LIMIT) * (met.state.V - path.V0)
+    ):
         raise PathEnd("the pressure has a limit point", met)
-    if path.quantity == "pressure" and added > path.farthest * path.V_scale:
+    if path.quantity != "volume" and added > path.farthest * path.V_scale:
         raise PathEnd(f"the cavity has grown {path.farthest:g} times and the requested value was not met", met)

@@ -210,7 +210,7 @@ def _device(case: Case, choice: LawChoice, comm: Any) -> Inflation:
         with compiling():
             body = Body.from_file(case.actuator, mesh, comm)
             material = choice.material(choice.from_modulus(30e3))
-            return Inflation(Equilibrium(body, material, case.formulation, case.sheet), choice)
+            return Inflation(Equilibrium(body, material, case.formulation, case.sheet, case.obstacle), choice)
     except (BodyError, CompilingError, MeshingError, GeometryError, OSError) as error:
         raise FitError(str(error)) from error
     finally:

@@ -199,6 +199,8 @@ def _load(states: States) -> str:
     ]
     if case.sheet is not None:
         rows.append(("sheet", f"{case.sheet.face}, {case.sheet.stiffness:g} N/m", "bonded thin sheet"))
+    if case.obstacle is not None:
+        rows.append(("contact", f"{case.obstacle.faces} on {case.obstacle.plane}", "rigid plane without friction"))
     return _parameters("Load and solver", rows)
 
 

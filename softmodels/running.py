@@ -22,6 +22,7 @@ from softmodels.case import Case, CaseError
 from softmodels.closing import close, explain, explain_step
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.materials import MaterialError
+from softmodels.obstacle import ObstacleError
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, start
 from softmodels.progress import Progress
@@ -73,7 +74,7 @@ def run(
             message = _follow(case, results, comm, progress, stopped, kept, branch)
     except RunError as error:
         status, message = error.status, str(error)
-    except (MeshingError, CaseError, MaterialError, ResultsError) as error:
+    except (MeshingError, CaseError, MaterialError, ObstacleError, ResultsError) as error:
         status, message = FAILED if isinstance(error, MeshingError) else BAD_INPUT, str(error)
     except PETSc.Error as error:
         # What PETSc refuses before anything is solved are the words it was given.
@@ -161,7 +162,7 @@ def _follow(
     try:
         body = Body.from_file(case.actuator, mesh, comm)
         with compiling():
-            equilibrium = Equilibrium(body, case.material, case.formulation, case.sheet)
+            equilibrium = Equilibrium(body, case.material, case.formulation, case.sheet, case.obstacle)
             fields = Fields(equilibrium)
     except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error

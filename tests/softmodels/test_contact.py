@@ -50,3 +50,14 @@ def test_a_thin_wall_does_not_face_itself(made):
     top = disk.base + disk.cavity_height
     squeezed = np.where(points[:, 2] > top, -0.99 * (points[:, 2] - top), 0.0)
     assert walls.met(np.outer(squeezed, [0.0, 0.0, 1.0])) is None
+
+
+@pytest.mark.parametrize("made", ["wedge"], indirect=True)
+def test_a_wall_that_goes_through_its_mirror_plane_is_seen(made):
+    disk, points, walls = made
+    for plane in disk.cut_planes:
+        distance = -(points @ plane.normal)
+        shift = np.where(distance > 1e-9, 0.1 * disk.outer_radius, 0.0)  # what lies on the plane stays on it
+        place = walls.met(np.outer(shift, plane.normal))
+        assert place is not None and 0.0 < place @ plane.normal < 0.1 * disk.outer_radius
+        assert walls.met(np.outer(np.minimum(shift, 0.9 * distance), plane.normal)) is None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
 
-from geometries import HollowDisk
+from geometries import HollowDisk, SeminarActuator
 from softmodels.case import CaseError
 from softmodels.limits import Tolerance, find_limit, samples
 from softmodels.materials import MooneyRivlin, NeoHookean, Yeoh
@@ -56,6 +58,22 @@ def test_tolerances_scatter_the_limit(runs, tmp_path):
     assert (tmp_path / "scatter.png").stat().st_size > 10000
 
 
+def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path, comm):
+    """The slopes told, against differences of devices drawn thinner, and with their cavities higher in the same height."""
+    done = runs.run("-m", "softmodels", "limit", *OPTIONS, "--shear-modulus", "20kPa", "--cell-size", "4mm", "--vary",
+                    "membrane=2mm+-0.1mm", "--vary", "offset=0mm+-0.1mm", "--samples", "6", "--output", tmp_path)  # fmt: skip
+    assert done.status == 0 and (tmp_path / "scatter.png").exists()
+    told = dict(re.findall(r"(membrane|offset): .* by about ([+-][\d.]+) %", done.out))
+    drawn = dataclasses.replace(THIN, cell_size=0.004)
+    thicker, thinner, higher, lower = (
+        find_limit(dataclasses.replace(drawn, membrane=membrane, base=base), [NeoHookean(20e3)], comm)[0].pressure
+        for membrane, base in ((2.1e-3, 5e-3), (1.9e-3, 5e-3), (1.9e-3, 5.1e-3), (2.1e-3, 4.9e-3))
+    )
+    assert float(told["membrane"]) == pytest.approx(np.log(thicker / thinner) / np.log(2.1 / 1.9), rel=0.05)
+    assert float(told["offset"]) == pytest.approx(50 * np.log(higher / lower), rel=0.05)
+    assert "0.1 mm more changes" in done.out and " cm (5 %)" in done.out and " cm (95 %)" in done.out
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -63,6 +81,7 @@ def test_tolerances_scatter_the_limit(runs, tmp_path):
         (["--vary", "depth=2mm+-0.2mm"], "no parameter 'depth'"),
         (["--vary", "membrane=2mm+-3mm"], "between zero and the value"),
         (["--vary", "membrane=2+-0.2mm"], "membrane"),
+        (["--vary", "offset=0mm+-0mm"], "above zero"),
         (["--material", "rubber"], "rubber"),
         (["--working-cm", "0"], "above zero"),
         (["no/case.toml"], "no/case.toml"),
@@ -79,5 +98,7 @@ def test_samples_fill_the_tolerances():
     assert values.mean(axis=0) == pytest.approx([0.002, 0.005], rel=2e-3)
     assert (np.abs(values / [0.002, 0.005] - 1) <= 0.1).all() and (np.ptp(values, axis=0) > [3.9e-4, 9.8e-4]).all()
     assert samples(tolerances, 256, normal=True).std(axis=0) == pytest.approx([1e-4, 2.5e-4], rel=0.05)
+    slab = Tolerance.parse("offset=-1mm+-20%", SeminarActuator)
+    assert (slab.middle, slab.half) == pytest.approx((-1e-3, 2e-4))
     with pytest.raises(CaseError):
         Tolerance.parse("section=2mm+-1mm", HollowDisk)

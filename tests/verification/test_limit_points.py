@@ -47,6 +47,13 @@ def test_balloon_limit_stretch(balloon, limit):
     assert inner / stretch - 1 == pytest.approx(THIN / 2 * (1 - stretch**-3), rel=0.02)
 
 
+def test_pressure_control_names_the_limit_too(balloon, limit, solved):
+    """It cannot pass a limit point; where no step succeeds any more it looks whether one lies ahead."""
+    _, points, end = solved(balloon, [2 * limit.state.P], "pressure")
+    assert end is not None and "limit point" in str(end)
+    assert pytest.approx(limit.state.P, rel=1e-9) == end.limit.state.P and points[-1].line == "volume"
+
+
 @pytest.mark.parametrize("control", ["auto", "volume", "arc-length"])
 def test_other_controls_meet_the_same_limit(balloon, limit, solved, control):
     added = limit.state.V - balloon.rest().V

@@ -22,6 +22,6 @@ def program():
 
 
 def test_random_cases_end_in_their_curve_or_in_a_limit(program, comm):
-    found = [program.examine(trial, comm) for trial in program.trials(COUNT, wedges=0.0)]
-    assert [fault for _, fault in found if fault] == []
-    assert {ended for ended, _ in found} == {"reached", "limit"}
+    found = [program.examine(trial, comm) for trial in program.trials(COUNT)]
+    assert [one.fault for one in found if one.fault] == []
+    assert {one.ended for one in found} == {"reached", "limit"}

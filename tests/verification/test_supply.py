@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from geometries import HollowDisk
 from softmodels.materials import NeoHookean
@@ -95,6 +95,22 @@ def test_a_leak_lowers_the_pressure_by_the_mass_it_takes(disk, drive):
     gas_now = (65 - 20) * ML + lost[-1].state.V * disk.volume_unit
     mass = (lost[-1].state.P * disk.stress_unit + leaking.ambient) * gas_now
     assert mass == pytest.approx(0.99 * leaking.ambient * (65 * ML + path.V0 * disk.volume_unit), rel=1e-9)
+
+
+def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved):
+    """Twenty litres in the tubes: there is no state past the volume-controlled curve's largest stroke."""
+    syringe = Syringe(syringe=2000 * ML, dead_volume=20000 * ML)
+    supply = syringe.control(disk.rest().V * disk.volume_unit, disk.stress_unit, disk.volume_unit)
+    path, _, end = solved(disk, [1000 * ML / disk.volume_unit], quantity="stroke", supply=supply)
+    assert end is not None and "stroke has a limit point" in str(end)
+    _, known, _ = solved(disk, [60 * ML / disk.volume_unit], "volume", "volume", largest_step=1 * ML / disk.volume_unit)
+    V, P = np.array([(p.state.V * disk.volume_unit, p.state.P * disk.stress_unit) for p in known]).T
+    gas = 22000 * ML + V[0]
+    stroke = gas * (1 - syringe.ambient / (P + syringe.ambient)) + V - V[0]
+    curve = CubicSpline(V, stroke)
+    peak = max(curve(V) for V in curve.derivative().roots(extrapolate=False))
+    assert path.value(end.limit.state) * disk.volume_unit == pytest.approx(peak, rel=1e-5)
+    assert end.limit.tangent.P < 0  # the pressure's own limit lies before it
 
 
 def test_slopes_are_those_of_the_stroke():

@@ -1,0 +1,181 @@
+"""Contact with a rigid plane: a uniform state in closed form, derivatives, balances of force and energy, both slices."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import fsolve
+
+from geometries import HollowDisk
+from softmodels.case import Case, CaseError
+from softmodels.controls import pressure_control
+from softmodels.equilibrium import Equilibrium
+from softmodels.fields import Fields
+from softmodels.materials import NeoHookean
+from softmodels.obstacle import ONSET, Obstacle, ObstacleError
+from softmodels.strain import HomogeneousStrain
+
+SOFT = NeoHookean(30e3, 0.3)
+RUBBER = NeoHookean(30e3, 0.49)
+SECTION = HollowDisk(section="axisymmetric", support="base", fillet=0.0, base_fillet=0.0)
+PLATE = Obstacle("top", "z = 17 mm", 300.0)  # 1 mm above the disk
+PRESSED = 0.5
+
+
+@pytest.fixture(scope="module")
+def pressed(body_of):
+    """The disk's section under a plate: its equations, its path, and its figures at the end."""
+    from softmodels.loading import Path, trace
+
+    equations = Equilibrium(body_of(SECTION), RUBBER, obstacle=PLATE)
+    points = list(trace(Path(equations, largest_step=PRESSED / 25), [PRESSED]))
+    return equations, points, Fields(equations).figures(points[-1].state)
+
+
+@pytest.mark.parametrize(("plane", "section"), [("z = 10 mm", "cube"), ("normal 0,0,-2 at -10 mm", "cube"),
+                                                ("z = 1 cm", "axisymmetric")])  # fmt: skip
+def test_a_block_that_swells_against_a_plane_is_in_a_uniform_state(plane, section, bodies, body_of):
+    """Tension on all faces but for what the plane presses back: two stretches from two equations."""
+    block, k, P = bodies.Block(section=section), 30.0, -0.4
+    equations = Equilibrium(body_of(block), SOFT, "displacement", obstacle=Obstacle("cavity", plane, k))
+    rest = equations.rest()
+    state = equations.solve(pressure_control(P / 2), rest.w, P / 2)
+    state = equations.solve(pressure_control(P), state.w, P)
+
+    def energy(a, b):
+        shape = SOFT.shape(HomogeneousStrain((a, a, b)), SOFT) / SOFT.shear_modulus_0
+        return shape + SOFT.bulk / SOFT.shear_modulus_0 / 2 * (a * a * b - 1) ** 2
+
+    def out_of_balance(stretches):
+        a, b = stretches  # across, along the normal
+        across, along = energy(a + 1e-30j, b).imag / 1e-30, energy(a, b + 1e-30j).imag / 1e-30
+        return across + 2 * P * a * b, along + P * a * a + k * (b - 1 - ONSET / 2)
+
+    across, along = fsolve(out_of_balance, [1.1, 1.01], xtol=1e-12)
+    figures = Fields(equations).figures(state)
+    unit = SOFT.shear_modulus_0 * block.edge**2
+    area = 1.0 if section == "cube" else math.pi
+    assert along - 1 > 5 * ONSET
+    assert figures.device["contact_depth_mm"] == pytest.approx((along - 1) * block.edge * 1e3, rel=1e-6)
+    assert figures.device["contact_force_N"] == pytest.approx(area * k * (along - 1 - ONSET / 2) * unit, rel=1e-6)
+    assert figures.max_stretch == pytest.approx(across, rel=1e-7)
+
+
+def test_derivatives_are_those_of_the_energy(pressed):
+    """Taylor: what a difference of the energy leaves of the force, and of the force of the tangent, falls quadratically."""
+    equations, points, _ = pressed
+    state = points[-1].state
+    way = np.random.default_rng(7).standard_normal(equations.n) * 0.02
+    for bc in equations.bcs:
+        bc.set(way, alpha=0.0)
+
+    def at(step):
+        equations.load(state)
+        equations.w.x.array[: equations.n] += step * way
+        equations.w.x.scatter_forward()
+        force = equations._assemble(equations._inner).copy()
+        product = np.empty(equations.n)
+        equations._multiply(way, product)
+        load = float(equations.P.value) * equations._assemble([equations._loads[0]]).copy()
+        return equations.stored_energy(), force, force - load, product
+
+    energy, force, residual, product = at(0.0)
+    steps = np.array([4e-3, 2e-3, 1e-3])
+    first, second = [], []
+    for step in steps:
+        there = at(step)
+        first.append(abs(there[0] - energy - step * force @ way))
+        second.append(np.linalg.norm(there[2] - residual - step * product))
+    for errors in (first, second):
+        assert np.diff(np.log(errors)) / np.diff(np.log(steps)) == pytest.approx(2.0, abs=0.25)
+
+
+def test_the_base_holds_what_the_plate_presses(pressed):
+    """Air pressure in a closed cavity moves nothing as a whole: the plate's force is the support's."""
+    equations, points, figures = pressed
+    equations.load(points[-1].state)
+    unit = equations.stress_unit * equations.length_unit**2
+    component = int(np.argmax(equations.body.skew @ [0.0, 1.0]))
+    assert figures.device["contact_force_N"] == pytest.approx(-equations.force("support", component) * unit, rel=1e-6)
+    assert figures.device["contact_force_N"] > 0.3 * figures.pressure * math.pi * SECTION.cavity_radius**2
+    assert figures.rises["apex"] == pytest.approx(1e-3, rel=0.1) and points[1].state.V > points[0].state.V
+
+
+def test_works_balance(pressed):
+    """What the pressure has done is stored, in the rubber and in the plane that gives way a little."""
+    equations, points, _ = pressed
+    V, P = np.array([(point.state.V, point.state.P) for point in points]).T
+    slope = np.array([point.tangent.P / point.tangent.V for point in points])
+    h = np.diff(V)
+    work = np.sum(h * (P[1:] + P[:-1]) / 2 - h**2 * np.diff(slope) / 12)
+    equations.load(points[-1].state)
+    assert equations.stored_energy() == pytest.approx(work, rel=1e-3)
+
+
+def test_a_stiffer_plane_is_sunk_into_less_and_presses_as_much(body_of, solved):
+    """The default sinks in by less than 1 % of the size at a contact pressure below one shear modulus."""
+    found = {}
+    for stiffness in (100.0, 400.0):
+        equations = Equilibrium(body_of(SECTION), RUBBER, obstacle=Obstacle("top", "z = 17 mm", stiffness))
+        _, points, end = solved(equations, [PRESSED])
+        assert end is None
+        found[stiffness] = Fields(equations).figures(points[-1].state).device
+    soft, stiff = found[100.0], found[400.0]
+    assert soft["contact_depth_mm"] < 0.01 * SECTION.size * 1e3 and Obstacle("top", "z = 17 mm").stiffness == 100.0
+    assert soft["contact_depth_mm"] / stiff["contact_depth_mm"] == pytest.approx(4.0, rel=0.25)
+    assert soft["contact_force_N"] == pytest.approx(stiff["contact_force_N"], rel=0.05)
+
+
+def test_a_wedge_presses_as_its_section_does(pressed, body_of, solved):
+    disk = dataclasses.replace(SECTION, section="wedge", cell_size=0.006, refinement=1.0)
+    equations = Equilibrium(body_of(disk), RUBBER, obstacle=PLATE)
+    _, points, end = solved(equations, [PRESSED])
+    assert end is None
+    assert Fields(equations).figures(points[-1].state).device["contact_force_N"] == pytest.approx(
+        pressed[2].device["contact_force_N"], rel=0.03
+    )
+
+
+def test_a_mirror_plane_stops_the_walls_of_two_neighbours(bodies, body_of, solved):
+    """Two balloons side by side flatten each other: each meets its image in the plane between, which takes no more force
+    than the pressure has over the balloon's widest section."""
+    shell = bodies.Sphere(through=2, along=24)
+    plane = f"z = {shell.outer * 1.02e3} mm"
+    equations = Equilibrium(body_of(shell), RUBBER, obstacle=Obstacle("outer", plane))
+    goal = 0.3 * equations.rest().V
+    _, free, _ = solved(Equilibrium(body_of(shell), RUBBER), [goal], "volume", "volume")
+    _, points, end = solved(equations, [goal], "volume", "volume")
+    assert end is None
+    figures = Fields(equations).figures(points[-1].state)
+    assert figures.device["contact_depth_mm"] < 0.01 * shell.size * 1e3
+    assert 0.0 < figures.device["contact_force_N"] < figures.pressure * math.pi * (1.5 * shell.inner) ** 2
+    assert points[-1].state.P > free[-1].state.P
+
+
+def test_a_case_keeps_its_contact_and_refuses_what_makes_none(body_of):
+    case = Case("disk", HollowDisk(), RUBBER, pressures_cm=(10.0,), obstacle=PLATE)
+    assert Case.from_toml(case.to_toml()) == case
+    for faces, plane, stiffness, words in (
+        ("", "z = 9 mm", 100.0, "faces that are stopped"),
+        ("top", "z = 9", 100.0, "is no plane"),
+        ("top", "normal 0,0,0 at 9 mm", 100.0, "is no plane"),
+        ("top", "in 0..1, 0..1, 0..1 mm", 100.0, "is no plane"),
+        ("top", "z = 9 mm", 0.0, "shear moduli per size"),
+    ):
+        with pytest.raises(ObstacleError, match=words):
+            Obstacle(faces, plane, stiffness)
+    for device, obstacle, words in (
+        (HollowDisk(), Obstacle("top", "plane7"), "plane0, plane1"),
+        (SECTION, Obstacle("top", "x = 3 mm"), "square to its axis"),
+    ):
+        with pytest.raises(CaseError, match=words):
+            Case("disk", device, RUBBER, pressures_cm=(10.0,), obstacle=obstacle)
+    for obstacle, words in (
+        (Obstacle("lid", "z = 17 mm"), "no face 'lid'"),
+        (Obstacle("outer", "z = 9 mm"), "both sides"),
+    ):
+        with pytest.raises(ObstacleError, match=words):
+            Equilibrium(body_of(SECTION), RUBBER, obstacle=obstacle)
