@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DEEPEST = 10
 """Halvings of an interval that holds several events; those closer together are told as one."""
-SPREADS = (0.5, 0.2)
+SPREADS = (0.5, 0.2, 0.08)
 """Where the eigenvalue is asked for around its expected root, in shares of the way to the interval's farther end.
 
 Not closer: a mesh without the device's symmetry bends the path towards the branch where K is nearly singular, and a state
