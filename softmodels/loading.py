@@ -113,6 +113,7 @@ class Path:
         self.points: list[Point] = []
         self.line = {"auto": self.quantity}.get(self.control, self.control)
         self.report: Callable[[str], None] = lambda text: None
+        self.watch: Callable[[Any, State], None] = lambda guess, state: None
         self.stability = Stability.of(self.equilibrium)
 
     # -- scales, from the undeformed device ---------------------------------------------------------------------------
@@ -191,7 +192,9 @@ class Path:
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
         """The state on a line, guessed by the cubic through one or two points and their tangents."""
         w, P = predict(around, line)
-        return self.equilibrium.solve(line, w, P)
+        state = self.equilibrium.solve(line, w, P)
+        self.watch(w, state)
+        return state
 
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
         eq = self.equilibrium

@@ -129,4 +129,4 @@ def test_steps_do_not_move_the_plates_load(pushed):
     _, _, (usual,) = pushed(*PLATES[1])
     for share in (0.1, 0.3):
         _, _, (again,) = pushed(*PLATES[1], control="pressure", largest_step=share * usual.state.P)
-        assert again.state.P == pytest.approx(usual.state.P, rel=3e-5)
+        assert pytest.approx(usual.state.P, rel=3e-5) == again.state.P
