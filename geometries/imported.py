@@ -93,6 +93,10 @@ class ImportedActuator(Actuator):
         return int(2 ** len(self.planes))
 
     @property
+    def fuller(self) -> str:
+        return "a drawing of the whole part, without planes,"
+
+    @property
     def lift(self) -> Vector:  # type: ignore[override]
         return (float(self.rise == "x"), float(self.rise == "y"), float(self.rise == "z"))
 

@@ -73,17 +73,10 @@ def volume_note(row: Mapping[str, Any]) -> str:
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Gather the results, draw them, say how it ended."""
     stored, took = results.stored, None
-    notes = [*stretch_notes(case, results.rows), *contact_notes(results.rows)] if stored and status != BAD_INPUT else []
+    notes = _notes(case, results) if stored and status != BAD_INPUT else []
     if stored and status != BAD_INPUT:
         try:
-            results.finish()
-            text = {
-                "status": status, "message": message, "steps": len(stored), "last": results.rows[-1],
-                "events": events(results.rows),
-                "stretch_at_break": stretch_at_break(case.material),
-                "notes": notes,
-            }  # fmt: skip
-            write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
+            gather(case, results, status, message)
             if draw and status in (DONE, NO_EQUILIBRIUM):
                 if not quiet:
                     print("drawing pictures, film and report (--no-pictures leaves them out)", file=sys.stderr)
@@ -111,11 +104,38 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f"added volume {row['added_volume_ml']:.5g} ml, largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
-        if told := stability_text(results.rows, case.actuator):
+        if told := stability_text(results.rows, case.actuator, _branch(results)):
             print(told)
         pictures = f"; pictures (*.png), film.gif and report.html, in {took:.1f} s" if took is not None else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status
+
+
+def gather(case: Case, results: Results, status: int, message: str) -> None:
+    """Bring all steps into one file and write ``summary.json``.
+
+    Raises:
+        OSError: There is no room; the steps stay where they are.
+    """
+    results.finish()
+    text = {
+        "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1],
+        "events": events(results.rows), "stretch_at_break": stretch_at_break(case.material),
+        "notes": _notes(case, results),
+    }  # fmt: skip
+    write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
+
+
+def _notes(case: Case, results: Results) -> list[str]:
+    return [*stretch_notes(case, results.rows), *contact_notes(results.rows)]
+
+
+def _branch(results: Results) -> list[dict[str, Any]]:
+    """The rows of the branch that was followed; none if none was."""
+    branch = results.branch()
+    if branch.heavy.exists():
+        branch.load()
+    return branch.rows
 
 
 def _bears(case: Case) -> str:

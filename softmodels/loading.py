@@ -24,7 +24,7 @@ CONTROLS = ("auto", "pressure", "volume", "arc-length")
 QUANTITIES = ("pressure", "volume", "stroke")
 QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
 GROWTH = 1.7
-SOFTENING = 4.0  # growth of dV/dP over its least value at which `auto` leaves the pressure for the volume
+SOFTENING = 4.0  # growth of dV/dP (or dV/dS of a stroke) over its least at which `auto` leaves it for the volume
 PAST_LIMIT = 0.1  # how far `auto` goes on past a limit point, in volumes added up to it
 SHORTEST = 1e-3  # of the first step: a path that needs shorter ones has met something that steps do not mend
 FARTHEST = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
@@ -45,7 +45,7 @@ class Point:
         age: How far the kept factorisation has aged here, in iterations of the linear solver.
         stiffest: Least |dV/dP| on the path so far.
         signature: Number of falling directions and lowest eigenvalue.
-        mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1; else None.
+        mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1 or -1; else None.
         jump: Whether the device has jumped here from the state before.
     """
 
@@ -73,7 +73,19 @@ class Point:
     @property
     def stable_under_volume(self) -> bool:
         """Whether no direction that keeps the cavity's volume lowers the energy."""
-        return self.signature.excess == int(self.tangent.compliance < 0)
+        return self.stable_under(volume_control(self.state.V))
+
+    def stable_under(self, control: Control) -> bool:
+        """Whether the state is stable where pressure and volume can only move along a control's line a V + b P = d.
+
+        What drives the air then gives way by dP = -k dV, k = a/b, and adds k q q^T to K. That takes one of the falling
+        directions away where 1 + k q.K^-1 q = 1 + k dV/dP is negative, and else changes nothing (Sylvester's law again).
+
+        Args:
+            control: The line, neither a nor b negative; of a gas law its tangent at this state.
+        """
+        t = self.tangent
+        return self.signature.excess == int((control.volume * t.V + control.pressure * t.P) * t.P < 0)
 
 
 class PathEnd(Exception):
@@ -203,8 +215,10 @@ class Path:
         stale = (stale or self.stability.wants(state)) and not (limit and eq.system.factorisations)
         if stale:
             eq.factorise(state)
-        tangent = self.tangent(state)
-        before = self.last.tangent
+        tangent, before = self.tangent(state), self.last.tangent
+        if limit:
+            # Which way the pressure goes there is a matter of rounding; like the signature, it is that of the state before.
+            tangent = dataclasses.replace(tangent, P=math.copysign(tangent.P, before.P))
         turned = before.P * tangent.P < 0 or before.V * tangent.V < 0
         if (turned or self.last.signature.excess) and not stale and not limit:
             stale = True
@@ -241,7 +255,7 @@ class Path:
             except NoConvergence as failure:
                 self.report(f"step of {share:.3g} failed ({failure}); halved")
                 step = share / 2
-                if self.control == "auto" and self.line == "pressure" and step < 0.02 * self.last.step:
+                if self.control == "auto" and self.line in ("pressure", "stroke") and step < 0.02 * self.last.step:
                     self.follow("volume")
                     step, direct = self.last.step, False
                 elif step < SHORTEST * self.first_steps[self.line]:
@@ -255,14 +269,17 @@ class Path:
             raise NoConvergence("it jumped to another branch")
 
     def choose(self, past_limit: bool) -> None:
-        """Under ``auto``, follow the pressure where the device is stiff and the volume where it softens."""
-        if self.control != "auto" or self.quantity != "pressure" or past_limit:
+        """Under ``auto``, follow the requested quantity where the device is stiff and the volume where it softens."""
+        if self.control != "auto" or self.quantity == "volume" or (past_limit and self.quantity == "pressure"):
             return
-        softened = self.last.tangent.compliance / self.last.stiffest
-        if self.line == "pressure" and not 0 < softened < SOFTENING:
+        s, t = self.last.state, self.last.tangent
+        a, b = (0.0, 1.0) if self.supply is None else self.supply.slopes(s.V, s.P)
+        stiffest = (a + b / self.last.stiffest) * t.V
+        softened = a * t.V + b * t.P  # the same here; both are how fast the quantity rises with the volume
+        if self.line == self.quantity and not stiffest < SOFTENING * softened:
             self.follow("volume")
-        elif self.line == "volume" and 0 < softened < SOFTENING / 2:
-            self.follow("pressure")
+        elif self.line == "volume" and stiffest < SOFTENING / 2 * softened:
+            self.follow(self.quantity)
 
     def ends_past(self, limit: Point) -> bool:
         """Whether a limit point ends the path: a pressure above it has no state, a volume has one."""

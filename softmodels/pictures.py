@@ -76,7 +76,7 @@ def draw(folder: Path, name: str, say: Callable[[str], Any] = print) -> list[Pat
 
 def _curves(states: States, out: Folder) -> None:
     actuator = states.actuator
-    out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm))
+    out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm, states.branch))
     if not actuator.on_profile(states.points).any():
         return
     rest = plots.profile(states.points, np.zeros_like(states.points), actuator)

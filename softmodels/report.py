@@ -92,7 +92,7 @@ def ending(states: States, folder: Path) -> str:
 def _curves(states: States) -> str:
     stream = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
-        figure = plots.curves(states.rows, states.actuator.gauge)
+        figure = plots.curves(states.rows, states.actuator.gauge, states.branch)
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = stream.getvalue()
     return f'<figure class="curves">{text[text.index("<svg") :]}</figure>'

@@ -19,7 +19,7 @@ import numpy as np
 
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
-from softmodels.closing import close, explain
+from softmodels.closing import close, explain, gather
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.materials import MaterialError
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, STOPPED, RunError
@@ -184,36 +184,45 @@ def _follow(
         progress.say(f"going on from step {on_root(comm, lambda: len(results.stored) - 1)}")
     else:
         on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
-    bifurcations = []
+    bifurcations, lost = [], None
     try:
         for point in cycle(path, goals) if case.cycle else trace(path, goals, begin):
             _keep(case, results, fields, comm, progress, point)
             bifurcations += [point] if point.bifurcation else []
             _stop_if_asked(comm, stopped)
-        if branch:
-            _follow_branch(case, results, fields, comm, progress, path, bifurcations)
     except PathEnd as end:
-        raise RunError(explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED) from end
+        lost = RunError(explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED)
     except NoConvergence as failure:  # at the first state or a limit point, where there is no step to shorten
         raise RunError(
             f"the path could not be followed ({failure}); leave out PETSc's options if there are any, refine the mesh "
             "(--cell-size), or use another --control"
         ) from failure
+    if branch:
+        _follow_branch(case, results, fields, comm, progress, stopped, path, bifurcations)
+    if lost is not None:
+        raise lost
     return ""
 
 
 def _follow_branch(
-    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, path: Any, bifurcations: list[Any]
-) -> None:
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: list[int], path: Any,
+    bifurcations: list[Any],
+) -> None:  # fmt: skip
     """Follow the branch at the first bifurcation into a folder of its own."""
     from softmodels.branching import follow
+    from softmodels.equilibrium import NoConvergence
     from softmodels.loading import PathEnd
 
     if not bifurcations:
         hidden = unseen(case.actuator)
-        progress.say(f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}")
+        text = f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
+        if on_root(comm, lambda: any(row.get("bifurcation") for row in results.rows)):
+            text = (
+                "the bifurcation was met before the run was gone on with; run it without --resume to follow the branch"
+            )
+        progress.say(text)
         return
-    aside = Results(results.folder / "branch", case.name)
+    aside = results.branch()
     on_root(comm, aside.clear)
     on_root(comm, lambda: write_text(aside.folder / "case.toml", case.to_toml()))
     on_root(comm, lambda: aside.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
@@ -222,9 +231,10 @@ def _follow_branch(
     try:
         for point in follow(path, bifurcations[0], farthest=farthest):
             _keep(case, aside, fields, comm, progress, point)
-    except PathEnd as end:
+            _stop_if_asked(comm, stopped)
+    except (PathEnd, NoConvergence) as end:
         progress.say(f"the branch was followed no further: {end}")
-    on_root(comm, lambda: aside.finish() if aside.stored else None)
+    on_root(comm, lambda: gather(case, aside, DONE, "") if aside.stored else None)
 
 
 def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
@@ -232,8 +242,8 @@ def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
         raise RunError("stopped by the user; go on with --resume", STOPPED)
 
 
-def _driven(case: Case, fields: Any, figures: Any) -> dict[str, float]:
-    """The syringe's columns of a row: its stroke, and what the gas has taken up."""
+def _driven(case: Case, fields: Any, figures: Any, point: Any) -> dict[str, float]:
+    """The syringe's columns of a row: its stroke, what the gas has taken up, and whether it holds the state."""
     if case.supply is None:
         return {}
     eq = fields.equilibrium
@@ -244,7 +254,7 @@ def _driven(case: Case, fields: Any, figures: Any) -> dict[str, float]:
     taken = {} if case.supply.leak else {
         "gas_energy_mJ": case.supply.gas_energy(stroke, figures.added_volume, figures.pressure, cavity) * 1e3
     }  # fmt: skip
-    return {"stroke_ml": stroke * 1e6, **taken}
+    return {"stroke_ml": stroke * 1e6, **taken, "stable_under_supply": int(point.stable_under(curve.line(V, P)))}
 
 
 def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any) -> None:
@@ -261,7 +271,7 @@ def _keep(case: Case, results: Results, fields: Any, comm: Any, progress: Progre
         mode = fields.shape(point.mode)
         nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
 
-    driven = _driven(case, fields, figures)
+    driven = _driven(case, fields, figures, point)
 
     def write() -> None:
         height = figures.pressure / case.cm

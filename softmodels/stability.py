@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,8 @@ class Stability:
             bc.set(seed.x.array, alpha=0.0)
         self.x, self.Mx, self.y = (self.M.createVecRight() for _ in range(3))
         self.x.array_w[:] = seed.x.array[: eq.n]
+        self.sense = self.M.createVecLeft()  # tells a mode from its opposite
+        self.M.mult(self.x, self.sense)
         self.reference = self.largest = self._guess = 0.0
 
     # -- along a path -------------------------------------------------------------------------------------------------
@@ -171,7 +174,8 @@ class Stability:
             count: How many at least.
 
         Returns:
-            Pairs of eigenvalue (dimensionless) and mode: local dofs with ghosts, shape as `State.w`, largest entry 1.
+            Pairs of eigenvalue (dimensionless) and mode: local dofs with ghosts, shape as `State.w`, largest entry
+            1 or -1.
         """
         self.equilibrium.factorise(state)
         return self._pairs(count)
@@ -212,8 +216,9 @@ class Stability:
         function = fem.Function(self.equilibrium.space)
         function.x.array[: self.equilibrium.n] = vector.array_r
         function.x.scatter_forward()
-        low, high = vector.min()[1], vector.max()[1]
-        return np.array(function.x.array / (high if high >= -low else low))
+        # By its largest entry alone, an antisymmetric mode would turn round with the rounding of the day.
+        largest = max(vector.max()[1], -vector.min()[1])
+        return np.array(function.x.array / math.copysign(largest, vector.dot(self.sense)))
 
     def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
         """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode.

@@ -20,16 +20,21 @@ def events(rows: Sequence[Row]) -> list[dict[str, Any]]:
 def unseen(actuator: Actuator) -> str:
     """What a symmetric slice cannot show, and how to see it; empty for a whole device."""
     if actuator.dimension == 2:
-        return (
-            "a section shows no mode that varies around the axis; --section wedge --angle 180 (or 360) shows those too"
-        )
+        return f"a section shows no mode that varies around the axis; {actuator.fuller} shows those too"
     if actuator.copies > 1:
-        return f"a slice of which {actuator.copies} make the device shows only modes with its symmetry; --angle 360 shows all"
+        parts = f"a slice of which {actuator.copies} make the device"
+        return f"{parts} shows only modes with its symmetry; {actuator.fuller} shows all"
     return ""
 
 
-def stability_text(rows: Sequence[Row], actuator: Actuator) -> str:
-    """One or two sentences on how the last state stands and where it changed; for the closing message."""
+def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row] = ()) -> str:
+    """One or two sentences on how the last state stands and where it changed; for the closing message.
+
+    Args:
+        rows: The path's rows of ``path.csv``.
+        actuator: The device.
+        branch: Those of the branch that was followed, if one was.
+    """
     if not rows or "falling_directions" not in rows[-1]:
         return ""
     last, found = rows[-1], [row for row in rows if row.get("bifurcation")]
@@ -41,11 +46,25 @@ def stability_text(rows: Sequence[Row], actuator: Actuator) -> str:
         count = last["falling_directions"]
         text = f"unstable: the energy falls in {count} direction{'s' if count > 1 else ''}"
     text = f"the last state is {text}"
+    lost = [row for row in rows if not row.get("stable_under_supply", 1)]
+    if lost:
+        text += (
+            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['added_volume_ml']:.4g} ml added to the cavity) the gas "
+            "behind it pushes faster than the device gives way, and it jumps: as the piston moves on, it is never in the "
+            f"{len(lost)} state{'s' if len(lost) > 1 else ''} without stable_under_supply in path.csv"
+        )
     if found:
         at = ", ".join(f"{row['pressure_cm']:.4g} cm ({row['added_volume_ml']:.4g} ml)" for row in found)
         text += (
             f"; bifurcation{'s' if len(found) > 1 else ''} at {at}, beyond which the device leaves this shape "
-            "(mode.png; --branch follows where it goes)"
+            f"(mode.png; {'branch/ has where it goes' if branch else '--branch follows where it goes'})"
+        )
+    if branch:
+        end = branch[-1]
+        rise, held = end[f"{actuator.gauge}_mm"], "stable" if end["stable_under_volume"] else "unstable"
+        text += (
+            f"; the branch was followed through {len(branch)} states to {end['pressure_cm']:.4g} cm "
+            f"({end['added_volume_ml']:.4g} ml), {actuator.gauge} {rise:+.4g} mm, {held} under a given volume"
         )
     hidden = unseen(actuator)
     return f"{text} ({hidden})" if hidden else text

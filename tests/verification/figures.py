@@ -1,6 +1,6 @@
-"""A program, not a test: figures of a wedge, a slab with channels and a disk past its limit, as one line of JSON on rank 0.
+"""A program, not a test: figures of a wedge, a slab, a disk past its limit and one that bifurcates, as JSON on rank 0.
 
-Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh SECTION.msh
+Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh SECTION.msh TWIN.msh
 """
 
 from __future__ import annotations
@@ -16,16 +16,18 @@ from softmodels.parallel import abort_on_error, is_root, start
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
 SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
 SECTION = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
+TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, cell_size=0.003)
+"""With two equal membranes, of which one balloons in the end."""
 
 
-def figures(comm, wedge: Path, slab: Path, section: Path) -> dict[str, list[float]]:
+def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path) -> dict[str, list[float]]:
     """Key figures by state; the same on every rank."""
     from softmodels.body import Body
     from softmodels.equilibrium import Equilibrium
     from softmodels.fields import Fields
     from softmodels.loading import Path as LoadPath
     from softmodels.loading import PathEnd, trace
-    from softmodels.materials import NeoHookean
+    from softmodels.materials import NeoHookean, Yeoh
 
     found = {}
     for name, device, file in (("wedge", WEDGE, wedge), ("slab", SLAB, slab)):
@@ -48,7 +50,25 @@ def figures(comm, wedge: Path, slab: Path, section: Path) -> dict[str, list[floa
         found["limit"] = [end.limit.state.P]
     found["falling directions"] = [float(point.signature.excess) for point in points]
     found["lowest eigenvalue"] = [points[0].signature.lowest, points[-1].signature.lowest]
+    found.update(bifurcation(Equilibrium(Body.from_file(TWIN, twin, comm), Yeoh(10e3, 20.0, 3.0, 0.495))))
     return found
+
+
+def bifurcation(equations) -> dict[str, list[float]]:
+    """Volume and pressure where two equal membranes begin to differ, and some states further along that branch."""
+    import itertools
+
+    from softmodels.branching import follow
+    from softmodels.loading import Path as LoadPath
+    from softmodels.loading import trace
+
+    path = LoadPath(equations, "auto", "volume", largest_step=2.0)
+    first = next(point for point in trace(path, [12.0]) if point.bifurcation)
+    branch = [point.state for point in itertools.islice(follow(path, first), 4)]
+    return {
+        "bifurcation": [first.state.V, first.state.P],
+        "branch": [value for state in branch for value in (state.V, state.P)],
+    }
 
 
 def rates(equations, added: float) -> list[float]:
@@ -78,6 +98,6 @@ def rates(equations, added: float) -> list[float]:
 if __name__ == "__main__":
     world = start()
     abort_on_error(world)
-    result = figures(world, *map(Path, sys.argv[1:4]))
+    result = figures(world, *map(Path, sys.argv[1:]))
     if is_root(world):
         print(json.dumps({**result, "ranks": world.size}))
