@@ -3,8 +3,7 @@
 Where K is singular in a mode, the device can go on in two more ways, the path's shape with a little of the mode added or
 taken away. Near the bifurcation the branch, its mirror image and the path itself have all but the same volumes and
 pressures, so its first states are solved for with the amount of the mode given, which is regular whatever volume and
-pressure do. Once two states foretell the third, arc lengths lead on; a state with another amount of the mode than foretold
-lies on one of the other curves, and the step is shortened.
+pressure do. Once two states foretell the third, arc lengths lead on.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +18,7 @@ import numpy.typing as npt
 from softmodels.controls import arc_length
 from softmodels.equilibrium import NoConvergence, State, Tangent
 from softmodels.loading import Path, PathEnd, Point, predict
+from softmodels.stability import Mode
 
 AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
 """Amounts of the mode tried in turn for the first state: largest displacement in sizes of the device."""
@@ -29,8 +28,6 @@ MOST_AMOUNTS = 14
 """Given amounts of the mode after which arc lengths take over in any case."""
 FORETOLD = 0.2
 """Error of a foretold amount, in shares of its growth, below which arc lengths take over."""
-ASTRAY, SLACK = 0.5, 0.1
-"""Error of a foretold amount that shows another curve, in shares of the growth foretold and of the amount itself."""
 MOST_POINTS = 60
 
 
@@ -45,20 +42,12 @@ class Branch:
 
     def __init__(self, path: Path, bifurcation: Point, sign: int):
         self.path, self.start, self.sign = path, bifurcation, sign
-        self.image, norm = path.stability.push(bifurcation.mode)
-        self.image.scale(1 / norm)
-        self._vector = path.equilibrium.K.createVecRight()
-        path.points, path.line = [], "arc-length"
-        path.watch = lambda guess, state: None
-
-    def share(self, w: npt.NDArray[np.float64]) -> float:
-        """What dofs (shape as `State.w`) have of the mode, along the way taken."""
-        self._vector.array_w[:] = w[: self.path.equilibrium.n]
-        return self.sign * float(self.image.dot(self._vector))
+        self.mode = Mode(path.stability, bifurcation.mode)
+        path.points, path.line, path.modes = [], "arc-length", []
 
     def amount(self, w: npt.NDArray[np.float64]) -> float:
-        """What a state has of the mode beyond the bifurcation's."""
-        return self.share(w - self.start.state.w)
+        """What dofs (shape as `State.w`) have of the mode beyond the bifurcation's, along the way taken."""
+        return self.sign * self.mode.share(w - self.start.state.w)
 
     def first(self) -> Point:
         """The first state on the branch.
@@ -86,11 +75,11 @@ class Branch:
         """The state with so much of the mode, its tangent pointing towards more."""
         path, eq, at = self.path, self.path.equilibrium, self.start.state
         eq.factorise(dataclasses.replace(at, w=guess, P=P))
-        state = eq.solve_along(self.image, at.w, self.sign * amount, guess, P)
+        state = eq.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
         eq.factorise(state)
         signature = path.stability.signature(exact=True)
         t = path.tangent(state)
-        tangent = t if self.share(t.w) > 0 else Tangent(-t.w, -t.P, -t.V)
+        tangent = t if self.sign * self.mode.share(t.w) > 0 else Tangent(-t.w, -t.P, -t.V)
         step = self._distance(path.last.state, state) if path.points else path.first_steps["arc-length"]
         return dataclasses.replace(
             self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=eq.age,
@@ -113,13 +102,6 @@ class Branch:
         amount = self.amount(new.w)
         error = self.amount(predict(known, line)[0]) - amount
         return abs(error) <= FORETOLD * abs(amount - self.amount(s.w))
-
-    def watch(self, guess: Any, state: State) -> None:
-        """Refuse a state on another curve than the branch."""
-        last = self.amount(self.path.last.state.w)
-        wanted = self.amount(guess)
-        if abs(self.amount(state.w) - wanted) > ASTRAY * abs(wanted - last) + SLACK * abs(last):
-            raise NoConvergence("it left the branch")
 
 
 def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = float("inf")) -> Iterator[Point]:
@@ -156,11 +138,11 @@ def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = floa
                 break
     except NoConvergence as failure:
         raise PathEnd(str(failure)) from failure
-    path.watch = branch.watch
+    path.modes = [branch.mode]
     for _ in range(MOST_POINTS):
         before = path.last
         after = path.advance(min(before.step, 0.5), float("inf"))
         for stop in [*events(path, before, after), after]:
-            yield path.keep(dataclasses.replace(stop, step=after.step))
+            yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=after.step))
         if ends(after):
             return

@@ -27,6 +27,8 @@ near by would have a part of the mode and show the imperfect mesh's eigenvalue i
 smooth function of the volume, so what is left is interpolated."""
 TOO_NEAR = 3e-3
 """Eigenvalue, in shares of the largest on the path at hand, below which a state is not used for the interpolation."""
+OUTSIDE = 0.1
+"""How far outside the interval the interpolated root may lie, in shares of the interval."""
 SAMPLES = 4
 """States whose eigenvalues the interpolation uses."""
 
@@ -88,7 +90,8 @@ def bifurcation(path: Path, before: Point, after: Point) -> Point:
     far = _far(known, stability.largest)
     low, high = (_nearest([p for value, p in far if value * f > 0] or [end], root)
                  for f, end in ((f_low, before), (f_high, after)))  # fmt: skip
-    if not math.isfinite(root) or low.state.V == high.state.V:
+    near, beyond = sorted((start - OUTSIDE * width, after.state.V + OUTSIDE * width))
+    if not near <= root <= beyond or low.state.V == high.state.V:
         raise NoConvergence("its eigenvalue is no smooth function of the volume there")
     point = path.in_between(low, high, min(max((root - low.state.V) / (high.state.V - low.state.V), 0.0), 1.0))
     value, mode = stability.critical(point.state, index)

@@ -17,7 +17,7 @@ import numpy as np
 from softmodels.controls import Control, Curve, arc_length, pressure_control, volume_control
 from softmodels.critical_points import events
 from softmodels.equilibrium import TANGENT_TOLERANCE, Equilibrium, NoConvergence, State, Tangent
-from softmodels.stability import Signature, Stability
+from softmodels.stability import Mode, Signature, Stability
 from softmodels.supply import Stroke
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
@@ -26,6 +26,9 @@ QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it 
 GROWTH = 1.7
 SOFTENING = 4.0  # growth of dV/dP (or dV/dS of a stroke) over its least at which `auto` leaves it for the volume
 PAST_LIMIT = 0.1  # how far `auto` goes on past a limit point, in volumes added up to it
+ASTRAY = (
+    0.5  # part of a bifurcation's mode in what a guess was wrong by, over the step's size, that shows another branch
+)
 SHORTEST = 1e-3  # of the first step: a path that needs shorter ones has met something that steps do not mend
 FARTHEST = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
 
@@ -125,7 +128,7 @@ class Path:
         self.points: list[Point] = []
         self.line = {"auto": self.quantity}.get(self.control, self.control)
         self.report: Callable[[str], None] = lambda text: None
-        self.watch: Callable[[Any, State], None] = lambda guess, state: None
+        self.modes: list[Mode] = []
         self.stability = Stability.of(self.equilibrium)
 
     # -- scales, from the undeformed device ---------------------------------------------------------------------------
@@ -202,10 +205,15 @@ class Path:
         return arc_length(s.V, s.P, t.V, t.P, step, self.V0, self.P_scale)
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
-        """The state on a line, guessed by the cubic through one or two points and their tangents."""
+        """The state on a line, guessed by the cubic through one or two points and their tangents.
+
+        Past a bifurcation there are several. One with much more or less of the mode than foretold lies on another branch.
+        """
         w, P = predict(around, line)
         state = self.equilibrium.solve(line, w, P)
-        self.watch(w, state)
+        for mode in self.modes:
+            if abs(mode.share(state.w - w)) > ASTRAY * mode.size(w - around[-1].state.w):
+                raise NoConvergence("it jumped to another branch")
         return state
 
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
@@ -453,7 +461,12 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
                 yield passed
                 if not left:
                     return
-            passed = path.keep(dataclasses.replace(stop, step=after.step))
+            if stop.bifurcation:
+                # Interpolated, and where K is singular: nothing to foretell the next state from.
+                path.modes.append(Mode(path.stability, stop.mode))
+                passed = stop
+            else:
+                passed = path.keep(dataclasses.replace(stop, step=after.step))
             if met is None and stop.limit and before.tangent.P > 0:
                 met = passed
             yield passed

@@ -231,12 +231,39 @@ class Stability:
         chosen = min(max(index - rank, 0), len(pairs) - 1)
         return pairs[chosen]
 
-    def push(self, mode: npt.NDArray[np.float64]) -> tuple[Any, float]:
-        """M times a mode, and mode.M.mode: what a displacement has of the mode is their quotient."""
-        vector, image = self.M.createVecRight(), self.M.createVecLeft()
-        vector.array_w[:] = mode[: self.equilibrium.n]
-        self.M.mult(vector, image)
-        return image, float(vector.dot(image))
+
+class Mode:
+    """A shape in which a device leaves its path, as a measure of other shapes.
+
+    Args:
+        stability: Of the device's equilibrium.
+        shape: Local dofs, shape as `State.w`.
+
+    Attributes:
+        image: M times the shape over shape.M.shape, a PETSc vector: its product with dofs is what they have of the shape.
+    """
+
+    def __init__(self, stability: Stability, shape: npt.NDArray[np.float64]):
+        self._M = stability.M
+        self._vector, self.image = self._M.createVecRight(), self._M.createVecLeft()
+        self._size = self._length(shape)
+        self._M.mult(self._vector, self.image)
+        self.image.scale(1 / self._size**2)
+
+    def share(self, w: npt.NDArray[np.float64]) -> float:
+        """What dofs (shape as `State.w`) have of the mode."""
+        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
+        return float(self.image.dot(self._vector))
+
+    def size(self, w: npt.NDArray[np.float64]) -> float:
+        """How large dofs are, with the mode as the unit."""
+        return self._length(w) / self._size
+
+    def _length(self, w: npt.NDArray[np.float64]) -> float:
+        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
+        pushed = self._M.createVecLeft()
+        self._M.mult(self._vector, pushed)
+        return float(self._vector.dot(pushed) ** 0.5)
 
 
 class _Inverse:

@@ -49,9 +49,8 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row
     lost = [row for row in rows if not row.get("stable_under_supply", 1)]
     if lost:
         text += (
-            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['added_volume_ml']:.4g} ml added to the cavity) the gas "
-            "behind it pushes faster than the device gives way, and it jumps: as the piston moves on, it is never in the "
-            f"{len(lost)} state{'s' if len(lost) > 1 else ''} without stable_under_supply in path.csv"
+            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the gas of this syringe no longer "
+            f"holds the device, which jumps over {len(lost)} of the states (stable_under_supply in path.csv)"
         )
     if found:
         at = ", ".join(f"{row['pressure_cm']:.4g} cm ({row['added_volume_ml']:.4g} ml)" for row in found)

@@ -29,7 +29,9 @@ def program():
 @pytest.fixture(scope="module")
 def meshes(program, tmp_path_factory):
     folder = tmp_path_factory.mktemp("ranks")
-    return [disk.write(folder / f"{disk.name}.msh") for disk in (program.WEDGE, program.SLAB, program.SECTION, program.TWIN)]
+    return [
+        disk.write(folder / f"{disk.name}.msh") for disk in (program.WEDGE, program.SLAB, program.SECTION, program.TWIN)
+    ]
 
 
 @pytest.fixture(scope="module")

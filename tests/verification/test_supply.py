@@ -137,7 +137,9 @@ def test_a_syringe_holds_a_balloon_where_its_gas_is_stiff_enough(balloon, solved
     for point in points:
         V, P = point.state.V, point.state.P
         assert point.stable_under_volume and point.stable_under(supply_of(balloon, little).line(V, P))
-        middle = (1 - THICKNESS / 2) ** -3  # what the wall's middle encloses at rest; the silicone between keeps its volume
+        middle = (
+            1 - THICKNESS / 2
+        ) ** -3  # what the wall's middle encloses at rest; the silicone between keeps its volume
         stretch = ((V / V0 - 1) / middle + 1) ** (1 / 3)
         if abs(expected := margin(much, stretch)) > 0.02:
             found = point.stable_under(supply_of(balloon, much).line(V, P))
