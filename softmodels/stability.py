@@ -35,6 +35,9 @@ MOST_SWEEPS, SETTLED = 40, 1e-11
 LOOSE = 0.03
 """Relative tolerance of the one inverse iteration where K is not factorised."""
 
+ALIKE = 0.6
+"""Cosine of the angle between two modes (in the inner product of M) above which they are one mode at two states."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Signature:
@@ -221,15 +224,31 @@ class Stability:
         return np.array(function.x.array / math.copysign(largest, vector.dot(self.sense)))
 
     def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
-        """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode.
-
-        Continuous along a path, negative where more than ``index`` are. K is factorised at the state.
-        """
+        """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the state."""
         pairs = self.eigenpairs(state)
         negative = self.excess()
         rank = negative - sum(value < 0 for value, _ in pairs)  # negative ones farther from zero than those found
         chosen = min(max(index - rank, 0), len(pairs) - 1)
         return pairs[chosen]
+
+    def like(self, state: State, shape: npt.NDArray[np.float64]) -> tuple[float, npt.NDArray[np.float64]]:
+        """The eigenvalue whose mode is most like a shape, and that mode: the same one all along, whatever others it passes.
+
+        Args:
+            state: The state; K is factorised there.
+            shape: Mode at a neighbouring state, local dofs.
+
+        Raises:
+            NoConvergence: No mode is like it.
+        """
+        measure = Mode(self, shape)
+        pairs = [
+            (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
+        ]
+        likeness, value, mode = max(pairs, key=lambda pair: pair[0])
+        if likeness < ALIKE:
+            raise NoConvergence("its mode was lost between two states")
+        return value, mode
 
 
 class Mode:
