@@ -28,7 +28,7 @@ from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
 from softmodels.resuming import check_same, check_values, drop_between, stopped_at, stored_points
 from softmodels.silicones import stretch_at_break
-from softmodels.stability_report import unseen
+from softmodels.stability_report import unlocated, unseen
 
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
@@ -216,6 +216,7 @@ def _follow_branch(
     if not bifurcations:
         hidden = unseen(case.actuator)
         text = f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
+        text = on_root(comm, lambda: unlocated(results.rows)) or text
         if on_root(comm, lambda: any(row.get("bifurcation") for row in results.rows)):
             text = (
                 "the bifurcation was met before the run was gone on with; run it without --resume to follow the branch"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,6 +25,21 @@ def unseen(actuator: Actuator) -> str:
     if actuator.copies > 1:
         parts = f"a slice of which {actuator.copies} make the device"
         return f"{parts} shows only modes with its symmetry; {actuator.fuller} shows all"
+    return ""
+
+
+def unlocated(rows: Sequence[Row]) -> str:
+    """That a bifurcation was passed and not located; empty if none was.
+
+    The number of falling directions changes at limit points and bifurcations alone, whose own rows still have the old one.
+    """
+    for before, after in itertools.pairwise(rows):
+        told = before.get("limit") or before.get("bifurcation")
+        if before["falling_directions"] != after["falling_directions"] and not told:
+            return (
+                f"a bifurcation between {before['pressure_cm']:.4g} and {after['pressure_cm']:.4g} cm could not be located; "
+                "more requested values around it, or a finer mesh, may show it"
+            )
     return ""
 
 
@@ -58,6 +74,8 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row
             f"; bifurcation{'s' if len(found) > 1 else ''} at {at}, beyond which the device leaves this shape "
             f"(mode.png; {'branch/ has where it goes' if branch else '--branch follows where it goes'})"
         )
+    elif passed := unlocated(rows):
+        text += f"; {passed}"
     if branch:
         end = branch[-1]
         rise, held = end[f"{actuator.gauge}_mm"], "stable" if end["stable_under_volume"] else "unstable"

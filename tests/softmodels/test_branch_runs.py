@@ -8,7 +8,7 @@ import json
 import pytest
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels.stability_report import stability_text, unseen
+from softmodels.stability_report import stability_text, unlocated, unseen
 
 TWIN = (
     "--variant", "shadow", "--base", "2mm", "--wall", "15mm", "--cell-size", "3mm",
@@ -76,6 +76,14 @@ def test_a_run_that_meets_no_bifurcation_says_so_and_takes_the_old_branch_away(r
 def test_a_slice_says_what_it_cannot_show(device, words):
     text = unseen(device)
     assert all(word in text for word in words) and bool(text) == bool(words)
+
+
+def test_a_bifurcation_that_was_passed_unlocated_is_told():
+    keys = ("pressure_cm", "limit", "stable_under_pressure", "stable_under_volume", "falling_directions")
+    table = ((30.0, 0, 1, 1, 0), (34.2, 1, 1, 1, 0), (34.0, 0, 0, 1, 1), (33.0, 0, 0, 0, 2))
+    rows = [dict(zip(keys, values, strict=True)) for values in table]
+    assert unlocated(rows[:3]) == "" and unlocated([*rows[:3], {**rows[2], "bifurcation": 1}, rows[3]]) == ""
+    assert "between 34 and 33 cm could not be located" in stability_text(rows, SeminarActuator(part="full"))
 
 
 def test_a_syringe_that_cannot_hold_a_state_is_told():

@@ -64,7 +64,7 @@ def bifurcation(equations) -> dict[str, list[float]]:
 
     path = LoadPath(equations, "auto", "volume", largest_step=2.0)
     first = next(point for point in trace(path, [12.0]) if point.bifurcation)
-    branch = [point.state for point in itertools.islice(follow(path, first), 4)]
+    branch = [point.state for point in itertools.islice(follow(path, first), 2)]
     return {
         "bifurcation": [first.state.V, first.state.P],
         "branch": [value for state in branch for value in (state.V, state.P)],
