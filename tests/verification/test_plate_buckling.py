@@ -97,7 +97,7 @@ def wanted(slenderness, waves, material):
 
 @pytest.mark.parametrize(("slenderness", "waves", "material"), PLATES)
 def test_plate_bends_at_its_critical_loads(pushed, slenderness, waves, material):
-    """Measured: 0.004 % and 0.02 % off at a length of five thicknesses, 0.06 % at two."""
+    """Measured: 0.004 % and 0.02 % off at a length of five thicknesses, 0.05 % at two."""
     loads = [wanted(slenderness, n + 1, material) for n in range(waves)]
     equations, points, found = pushed(slenderness, waves, material)
     assert [point.state.P * equations.stress_unit for point in found] == pytest.approx(loads, rel=2e-3)
@@ -125,8 +125,8 @@ def test_modes_bend_the_plate_into_half_waves(pushed, slenderness, waves, materi
 
 
 def test_steps_do_not_move_the_plates_load(pushed):
-    """Measured: 1.5e-5 between steps of a tenth of the load, of a third and of all of it."""
+    """Measured: 1e-6 between steps of a tenth of the load, of a third and of all of it."""
     _, _, (usual,) = pushed(*PLATES[1])
     for share in (0.1, 0.3):
         _, _, (again,) = pushed(*PLATES[1], control="pressure", largest_step=share * usual.state.P)
-        assert pytest.approx(usual.state.P, rel=3e-5) == again.state.P
+        assert pytest.approx(usual.state.P, rel=1e-5) == again.state.P
