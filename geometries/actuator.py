@@ -133,6 +133,11 @@ class Actuator(ABC):
         """How many copies of the slice make the device; 1 for an axisymmetric mesh, which stands for all of it."""
 
     @property
+    def fuller(self) -> str:
+        """What models all of a device that symmetry has cut down, with the options; a clause for messages."""
+        return "a model of the whole device"
+
+    @property
     @abstractmethod
     def size(self) -> float:
         """Characteristic length in m."""

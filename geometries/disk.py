@@ -98,6 +98,10 @@ class HollowDisk(Actuator):
         return 1 if self.dimension == 2 else round(360.0 / self.angle)
 
     @property
+    def fuller(self) -> str:
+        return "--section wedge --angle 360deg" if self.dimension == 2 else "--angle 360deg"
+
+    @property
     def size(self) -> float:
         return self.cavity_radius
 

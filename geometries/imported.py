@@ -106,6 +106,10 @@ class ImportedActuator(Actuator):
         return (BONDED,) if self.bonded else ()
 
     @property
+    def fuller(self) -> str:
+        return "a drawing of the whole part, without planes,"
+
+    @property
     def lift(self) -> Vector:  # type: ignore[override]
         return (float(self.rise == "x"), float(self.rise == "y"), float(self.rise == "z"))
 

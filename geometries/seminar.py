@@ -89,6 +89,10 @@ class SeminarActuator(Actuator):
         return 2 if self.part == "half" else 1
 
     @property
+    def fuller(self) -> str:
+        return "--part full"
+
+    @property
     def size(self) -> float:
         return self.thickness
 

@@ -1,60 +1,109 @@
 """The branch that leaves a path at a bifurcation.
 
 Where K is singular in a mode, the device can go on in two more ways, the path's shape with a little of the mode added or
-taken away. The first state there is solved for with the amount of the mode given, which is regular a step away from the
-bifurcation whatever pressure and volume do; from there arc lengths lead on, away from it.
+taken away. Near the bifurcation the branch, its mirror image and the path itself have all but the same volumes and
+pressures, so its first states are solved for with the amount of the mode given, which is regular whatever volume and
+pressure do. Once two states foretell the third, arc lengths lead on.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 
-from softmodels.equilibrium import NoConvergence, Tangent
-from softmodels.loading import Path, PathEnd, Point
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.controls import arc_length
+from softmodels.equilibrium import NoConvergence, State, Tangent
+from softmodels.loading import Path, PathEnd, Point, predict
+from softmodels.stability import Mode
 
 AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
 """Amounts of the mode tried in turn for the first state: largest displacement in sizes of the device."""
+GROWTH = 1.3
+"""From one given amount of the mode to the next."""
+MOST_AMOUNTS = 14
+"""Given amounts of the mode after which arc lengths take over in any case."""
+FORETOLD = 0.2
+"""Error of a foretold amount, in shares of its growth, below which arc lengths take over."""
 MOST_POINTS = 60
 
 
-def step_aside(path: Path, bifurcation: Point, sign: int = 1) -> Point:
-    """The first state on the branch, with its tangent pointing away from the bifurcation.
+class Branch:
+    """One of the two ways from a bifurcation; takes the path over, whose last points become the branch's.
 
     Args:
-        path: The path that met it; its last points are replaced by the branch's.
+        path: The path that met it.
         bifurcation: The point.
         sign: 1 or -1: which way along the mode. Where a symmetry of the device maps one to the other, both are the same.
-
-    Raises:
-        NoConvergence: No amount of the mode led to a state.
     """
-    eq, stability = path.equilibrium, path.stability
-    image, norm = stability.push(bifurcation.mode)
-    image.scale(1 / norm)
-    at = bifurcation.state
-    for amount in AMOUNTS:
-        guess = at.w + sign * amount * bifurcation.mode
-        try:
-            eq.factorise(dataclasses.replace(at, w=guess))
-            state = eq.solve_along(image, at.w, sign * amount, guess, at.P)
-        except NoConvergence as failure:
-            path.report(f"no state with {amount:g} of the mode ({failure})")
-            continue
-        path.points = []
-        path.line = "arc-length"
+
+    def __init__(self, path: Path, bifurcation: Point, sign: int):
+        self.path, self.start, self.sign = path, bifurcation, sign
+        self.mode = Mode(path.stability, bifurcation.mode)
+        path.points, path.line, path.modes = [], "arc-length", []
+
+    def amount(self, w: npt.NDArray[np.float64]) -> float:
+        """What dofs (shape as `State.w`) have of the mode beyond the bifurcation's, along the way taken."""
+        return self.sign * self.mode.share(w - self.start.state.w)
+
+    def first(self) -> Point:
+        """The first state on the branch.
+
+        Raises:
+            NoConvergence: No amount of the mode led to a state.
+        """
+        at = self.start.state
+        for amount in AMOUNTS:
+            try:
+                return self._given(amount, at.w + self.sign * amount * self.start.mode, at.P)
+            except NoConvergence as failure:
+                self.path.report(f"no state with {amount:g} of the mode ({failure})")
+        raise NoConvergence("no state was found on the branch")
+
+    def next(self) -> Point:
+        """The state with `GROWTH` times as much of the mode as the last."""
+        path, last = self.path, self.path.last.state
+        before = path.points[0].state if len(path.points) > 1 else self.start.state
+        old, new = self.amount(before.w), self.amount(last.w)
+        ahead = (GROWTH - 1) * new / (new - old)
+        return self._given(GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P))
+
+    def _given(self, amount: float, guess: npt.NDArray[np.float64], P: float) -> Point:
+        """The state with so much of the mode, its tangent pointing towards more."""
+        path, eq, at = self.path, self.path.equilibrium, self.start.state
+        eq.factorise(dataclasses.replace(at, w=guess, P=P))
+        state = eq.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
         eq.factorise(state)
-        signature = stability.signature(exact=True)
-        tangent = path.tangent(state)
-        forward = sign * image.dot(_owned(eq, tangent)) > 0
-        if not forward:
-            tangent = Tangent(-tangent.w, -tangent.P, -tangent.V)
-        point = dataclasses.replace(
-            bifurcation, state=state, tangent=tangent, mode=None, line="arc-length", step=path.first_steps["arc-length"],
-            factorised=True, age=eq.age, signature=signature, stiffest=abs(tangent.compliance),
+        signature = path.stability.signature(exact=True)
+        t = path.tangent(state)
+        tangent = t if self.sign * self.mode.share(t.w) > 0 else Tangent(-t.w, -t.P, -t.V)
+        step = self._distance(path.last.state, state) if path.points else path.first_steps["arc-length"]
+        return dataclasses.replace(
+            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=eq.age,
+            signature=signature, stiffest=abs(tangent.compliance),
         )  # fmt: skip
-        return path.keep(point)
-    raise NoConvergence("no state was found on the branch")
+
+    def _distance(self, a: State, b: State) -> float:
+        """Arc length between two states in the plane of volume and pressure."""
+        return math.hypot((b.V - a.V) / self.path.V_scale, (b.P - a.P) / self.path.P_scale)
+
+    def foretold(self, known: list[Point], found: Point) -> bool:
+        """Whether two points of the branch foretell a third well enough to go on by arc lengths."""
+        s, t = known[-1].state, known[-1].tangent
+        path, new = self.path, found.state
+        line = arc_length(s.V, s.P, t.V, t.P, 0.0, path.V_scale, path.P_scale)
+        line = line.at(line.value(new.V, new.P))
+        forward = all(
+            p.tangent.V * t.V / path.V_scale**2 + p.tangent.P * t.P / path.P_scale**2 > 0 for p in (*known, found)
+        )
+        if len(known) < 2 or not forward or line.target <= line.value(s.V, s.P):
+            return False
+        amount = self.amount(new.w)
+        error = self.amount(predict(known, line)[0]) - amount
+        return abs(error) <= FORETOLD * abs(amount - self.amount(s.w))
 
 
 def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = float("inf")) -> Iterator[Point]:
@@ -68,25 +117,34 @@ def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = floa
 
     Yields:
         The branch's points, limit points and further bifurcations among them; at most `MOST_POINTS`.
+
+    Raises:
+        PathEnd: The branch could be followed no further.
     """
     from softmodels.critical_points import events
     from softmodels.loading import FARTHEST
 
+    def ends(point: Point) -> bool:
+        value = path.value(point.state)
+        return value >= farthest or value <= 0.0 or not 0.05 < point.state.V / path.V_scale < FARTHEST
+
+    branch = Branch(path, bifurcation, sign)
     try:
-        yield step_aside(path, bifurcation, sign)
+        yield path.keep(branch.first())
+        for _ in range(MOST_AMOUNTS):
+            known, found = path.points, branch.next()
+            yield path.keep(found)
+            if ends(found):
+                return
+            if branch.foretold(known, found):
+                break
     except NoConvergence as failure:
         raise PathEnd(str(failure)) from failure
+    path.modes = [branch.mode]
     for _ in range(MOST_POINTS):
         before = path.last
         after = path.advance(min(before.step, 0.5), float("inf"))
         for stop in [*events(path, before, after), after]:
-            yield path.keep(dataclasses.replace(stop, step=after.step))
-        value = path.value(after.state)
-        if value >= farthest or value <= 0.0 or not 0.05 < after.state.V / path.V_scale < FARTHEST:
+            yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=after.step))
+        if ends(after):
             return
-
-
-def _owned(equilibrium, tangent: Tangent):  # type: ignore[no-untyped-def]
-    vector = equilibrium.K.createVecRight()
-    vector.array_w[:] = tangent.w[: equilibrium.n]
-    return vector

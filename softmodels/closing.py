@@ -42,10 +42,10 @@ def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
     if path.supply is not None:
         stroke = path.value(end.limit.state) * fields.equilibrium.volume_unit * 1e6
         return (
-            f"no equilibrium at a stroke of {asked} on this path: the stroke has a limit point at {stroke:.4g} ml "
+            f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
             f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has taken "
             f"{at.added_volume * 1e6:.4g} ml; beyond it the gas in syringe and tubes expands by itself and the device jumps. "
-            "Stay below, take a smaller --dead-volume or --gas liquid, or follow the path on with --control arc-length"
+            "Stay below, or take a smaller --dead-volume or --gas liquid"
         )
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
@@ -126,21 +126,10 @@ def volume_note(row: Mapping[str, Any]) -> str:
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Gather the results, draw them, say how it ended."""
     stored, took = results.stored, None
-    notes = (
-        [*stretch_notes(case, results.rows), *contact_notes(results.rows), *depth_notes(case, results.rows)]
-        if stored and status != BAD_INPUT
-        else []
-    )
+    notes = _notes(case, results) if stored and status != BAD_INPUT else []
     if stored and status != BAD_INPUT:
         try:
-            results.finish()
-            text = {
-                "status": status, "message": message, "steps": len(stored), "last": results.rows[-1],
-                "events": events(results.rows),
-                "stretch_at_break": stretch_at_break(case.material),
-                "notes": notes,
-            }  # fmt: skip
-            write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
+            gather(case, results, status, message)
             if draw and status in (DONE, NO_EQUILIBRIUM):
                 if not quiet:
                     print("drawing pictures, film and report (--no-pictures leaves them out)", file=sys.stderr)
@@ -169,7 +158,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
-        if told := stability_text(results.rows, case.actuator):
+        if told := stability_text(results.rows, case.actuator, _branch(results)):
             print(told)
         pictures = f"; pictures (*.png), film.gif and report.html, in {took:.1f} s" if took is not None else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
@@ -185,6 +174,33 @@ def _loaded(row: Mapping[str, Any]) -> str:
 
 def _presses(row: Mapping[str, Any]) -> str:
     return f", contact force {row['contact_force_N']:.4g} N" if "contact_force_N" in row else ""
+
+
+def gather(case: Case, results: Results, status: int, message: str) -> None:
+    """Bring all steps into one file and write ``summary.json``.
+
+    Raises:
+        OSError: There is no room; the steps stay where they are.
+    """
+    results.finish()
+    text = {
+        "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1],
+        "events": events(results.rows), "stretch_at_break": stretch_at_break(case.material),
+        "notes": _notes(case, results),
+    }  # fmt: skip
+    write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
+
+
+def _notes(case: Case, results: Results) -> list[str]:
+    return [*stretch_notes(case, results.rows), *contact_notes(results.rows), *depth_notes(case, results.rows)]
+
+
+def _branch(results: Results) -> list[dict[str, Any]]:
+    """The rows of the branch that was followed; none if none was."""
+    branch = results.branch()
+    if branch.heavy.exists():
+        branch.load()
+    return branch.rows
 
 
 def _bears(case: Case) -> str:

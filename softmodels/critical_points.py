@@ -8,8 +8,11 @@ path goes straight on, and another branch crosses it. A turn of the volume leave
 from __future__ import annotations
 
 import dataclasses
-import math
+import itertools
 from typing import TYPE_CHECKING
+
+from scipy.interpolate import BarycentricInterpolator
+from scipy.optimize import brentq
 
 from softmodels.equilibrium import NoConvergence
 from softmodels.stability import Signature
@@ -17,9 +20,12 @@ from softmodels.stability import Signature
 if TYPE_CHECKING:
     from softmodels.loading import Path, Point
 
+Known = tuple[float, "Point"]
+"""An eigenvalue and the state it belongs to."""
+
 DEEPEST = 10
 """Halvings of an interval that holds several events; those closer together are told as one."""
-SPREADS = (0.5, 0.2)
+SPREADS = (0.5, 0.2, 0.08)
 """Where the eigenvalue is asked for around its expected root, in shares of the way to the interval's farther end.
 
 Not closer: a mesh without the device's symmetry bends the path towards the branch where K is nearly singular, and a state
@@ -67,50 +73,53 @@ def bifurcation(path: Path, before: Point, after: Point) -> Point:
         NoConvergence: No state in between could be solved for.
     """
     stability = path.stability
-    index = min(before.signature.excess, after.signature.excess)
-    f_low, mode = stability.critical(before.state, index)
-    f_high, _ = stability.critical(after.state, index)
+    # The negative eigenvalue nearest to zero is the one that has just changed its sign, or is about to.
+    fewer, more = sorted((before, after), key=lambda point: point.signature.excess)
+    _, mode = stability.critical(more.state, fewer.signature.excess)
+    f_low, f_high = (stability.like(point.state, mode)[0] for point in (before, after))
     if f_low * f_high > 0:
         raise NoConvergence("the eigenvalue that changes its sign was not found")
     known = [(f_low, before), (f_high, after)]
+    scale = max(stability.largest, abs(f_low), abs(f_high))
     start, width = before.state.V, after.state.V - before.state.V
     for spread in SPREADS:
-        root = _root(known, stability.largest)
+        root = _root(known, scale)
         reach = max(abs(root - start), abs(root - after.state.V))
         for V in (root - spread * reach, root + spread * reach):
             path.equilibrium.factorise(before.state)
             try:
                 point = path.on_the_way(before, after, min(max((V - start) / width, -1.0), 2.0))
-                known.append((stability.critical(point.state, index)[0], point))
+                known.append((stability.like(point.state, mode)[0], point))
             except NoConvergence:  # too near: K is singular there in every control
                 continue
-    root = _root(known, stability.largest)
-    far = _far(known, stability.largest)
-    low, high = (_nearest([p for value, p in far if value * f > 0] or [end], root)
-                 for f, end in ((f_low, before), (f_high, after)))  # fmt: skip
-    if not math.isfinite(root) or low.state.V == high.state.V:
-        raise NoConvergence("its eigenvalue is no smooth function of the volume there")
-    point = path.in_between(low, high, min(max((root - low.state.V) / (high.state.V - low.state.V), 0.0), 1.0))
-    value, mode = stability.critical(point.state, index)
+    low, high = _around(_far(known, scale))
+    root = _root(known, scale)
+    point = path.in_between(low[1], high[1], (root - low[1].state.V) / (high[1].state.V - low[1].state.V))
+    _, mode = stability.like(point.state, mode)
     path.equilibrium.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
-    signature = Signature(before.signature.excess, value)
+    signature = Signature(before.signature.excess, 0.0)  # by definition; what interpolation leaves of it means nothing
     return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
 
 
-def _root(known: list[tuple[float, Point]], scale: float) -> float:
-    """Volume at which the eigenvalue is zero: Lagrange's polynomial of the volume over it, through the nearest states."""
-    used = sorted(_far(known, scale), key=lambda entry: abs(entry[0]))[:SAMPLES]
-    return sum(
-        point.state.V * math.prod(other / (other - value) for other, _ in used if other != value)
-        for value, point in used
+def _root(known: list[Known], scale: float) -> float:
+    """Volume at which the eigenvalue is zero, by the polynomial through the states around it that are far enough from it."""
+    far = _far(known, scale)
+    (_, low), (_, high) = _around(far)
+    middle = (low.state.V + high.state.V) / 2
+    used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:SAMPLES]
+    through = BarycentricInterpolator([point.state.V for _, point in used], [value for value, _ in used])
+    return float(brentq(through, low.state.V, high.state.V, xtol=1e-13 * middle))
+
+
+def _around(known: list[Known]) -> tuple[Known, Known]:
+    """The neighbours between which the eigenvalue changes its sign."""
+    return next((a, b) for a, b in itertools.pairwise(known) if a[0] * b[0] <= 0)
+
+
+def _far(known: list[Known], scale: float) -> list[Known]:
+    """Those states, by rising volume, that are far enough from the singular one; all, where they leave it on one side."""
+    every = sorted(
+        {point.state.V: (value, point) for value, point in known}.values(), key=lambda entry: entry[1].state.V
     )
-
-
-def _far(known: list[tuple[float, Point]], scale: float) -> list[tuple[float, Point]]:
-    """Those states that are far enough from the singular one; all, where hardly any is."""
-    far = [entry for entry in known if abs(entry[0]) > TOO_NEAR * scale]
-    return far if len(far) > 1 else known
-
-
-def _nearest(points: list[Point], V: float) -> Point:
-    return min(points, key=lambda point: abs(point.state.V - V))
+    far = [entry for entry in every if abs(entry[0]) > TOO_NEAR * scale]
+    return far if len({value > 0 for value, _ in far}) == 2 else every

@@ -17,15 +17,18 @@ import numpy as np
 from softmodels.controls import Control, Curve, arc_length, pressure_control, volume_control
 from softmodels.critical_points import events
 from softmodels.equilibrium import TANGENT_TOLERANCE, Equilibrium, NoConvergence, State, Tangent
-from softmodels.stability import Signature, Stability
+from softmodels.stability import Mode, Signature, Stability
 from softmodels.supply import Stroke
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
 QUANTITIES = ("pressure", "volume", "stroke")
 QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
 GROWTH = 1.7
-SOFTENING = 4.0  # growth of dV/dP over its least value at which `auto` leaves the pressure for the volume
+SOFTENING = 4.0  # growth of dV/dP (or dV/dS of a stroke) over its least at which `auto` leaves it for the volume
 PAST_LIMIT = 0.1  # how far `auto` goes on past a limit point, in volumes added up to it
+ASTRAY = (
+    0.5  # part of a bifurcation's mode in what a guess was wrong by, over the step's size, that shows another branch
+)
 SHORTEST = 1e-3  # of the first step: a path that needs shorter ones has met something that steps do not mend
 FARTHEST = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
 
@@ -45,8 +48,9 @@ class Point:
         age: How far the kept factorisation has aged here, in iterations of the linear solver.
         stiffest: Least |dV/dP| on the path so far.
         signature: Number of falling directions and lowest eigenvalue.
-        mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1; else None.
-        jump: Whether the device has jumped here from the state before.
+        mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1 or -1; else None.
+        jump: Whether the device has jumped here: from the state before, or from the last turn of a syringe's stroke.
+        turn: Whether this is a limit point of a syringe's stroke.
     """
 
     state: State
@@ -61,6 +65,7 @@ class Point:
     signature: Signature = dataclasses.field(default_factory=Signature)
     mode: Any = None
     jump: bool = False
+    turn: bool = False
 
     @property
     def bifurcation(self) -> bool:
@@ -73,7 +78,19 @@ class Point:
     @property
     def stable_under_volume(self) -> bool:
         """Whether no direction that keeps the cavity's volume lowers the energy."""
-        return self.signature.excess == int(self.tangent.compliance < 0)
+        return self.stable_under(volume_control(self.state.V))
+
+    def stable_under(self, control: Control) -> bool:
+        """Whether the state is stable where pressure and volume can only move along a control's line a V + b P = d.
+
+        What drives the air then gives way by dP = -k dV, k = a/b, and adds k q q^T to K. That takes one of the falling
+        directions away where 1 + k q.K^-1 q = 1 + k dV/dP is negative, and else changes nothing (Sylvester's law again).
+
+        Args:
+            control: The line, neither a nor b negative; of a gas law its tangent at this state.
+        """
+        t = self.tangent
+        return self.signature.excess == int((control.volume * t.V + control.pressure * t.P) * t.P < 0)
 
 
 class PathEnd(Exception):
@@ -115,6 +132,7 @@ class Path:
         self.points: list[Point] = []
         self.line = {"auto": self.quantity}.get(self.control, self.control)
         self.report: Callable[[str], None] = lambda text: None
+        self.modes: list[Mode] = []
         self.stability = Stability.of(self.equilibrium)
 
     # -- scales, from the device as it starts ---------------------------------------------------------------------------
@@ -195,9 +213,16 @@ class Path:
         return arc_length(s.V, s.P, t.V, t.P, step, self.V_scale, self.P_scale)
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
-        """The state on a line, guessed by the cubic through one or two points and their tangents."""
+        """The state on a line, guessed by the cubic through one or two points and their tangents.
+
+        Past a bifurcation there are several. One with much more or less of the mode than foretold lies on another branch.
+        """
         w, P = predict(around, line)
-        return self.equilibrium.solve(line, w, P)
+        state = self.equilibrium.solve(line, w, P)
+        for mode in self.modes:
+            if abs(mode.share(state.w - w)) > ASTRAY * mode.size(w - around[-1].state.w):
+                raise NoConvergence("it jumped to another branch")
+        return state
 
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
         eq = self.equilibrium
@@ -206,8 +231,10 @@ class Path:
         stale = (stale or self.stability.wants(state)) and not (limit and eq.system.factorisations)
         if stale:
             eq.factorise(state)
-        tangent = self.tangent(state)
-        before = self.last.tangent
+        tangent, before = self.tangent(state), self.last.tangent
+        if limit:
+            # Which way the pressure goes there is a matter of rounding; like the signature, it is that of the state before.
+            tangent = dataclasses.replace(tangent, P=math.copysign(tangent.P, before.P))
         turned = before.P * tangent.P < 0 or before.V * tangent.V < 0
         if (turned or self.last.signature.excess) and not stale and not limit:
             stale = True
@@ -245,7 +272,7 @@ class Path:
                 self.report(f"step of {share:.3g} failed ({failure}); halved")
                 step = share / 2
                 shortest = SHORTEST * self.first_steps[self.line]
-                if self.ends and direct and step < max(0.02 * self.last.step, shortest):
+                if self.may_follow_volume and direct and step < max(0.02 * self.last.step, shortest):
                     self.follow("volume")  # which passes a limit point, and so tells one from a failure
                     step, direct = self.last.step, False
                 elif step < shortest:
@@ -259,25 +286,33 @@ class Path:
             raise NoConvergence("it jumped to another branch")
 
     def choose(self, past_limit: bool) -> None:
-        """Under ``auto``, follow the pressure where the device is stiff and the volume where it softens."""
-        if self.control != "auto" or self.quantity != "pressure" or past_limit:
+        """Under ``auto``, follow the requested quantity where the device is stiff and the volume where it softens."""
+        if self.control != "auto" or self.quantity == "volume" or (past_limit and self.quantity == "pressure"):
             return
-        softened = self.last.tangent.compliance / self.last.stiffest
-        if self.line == "pressure" and not 0 < softened < SOFTENING:
+        s, t = self.last.state, self.last.tangent
+        a, b = (0.0, 1.0) if self.supply is None else self.supply.slopes(s.V, s.P)
+        stiffest = (a + b / self.last.stiffest) * t.V
+        softened = a * t.V + b * t.P  # the same here; both are how fast the quantity rises with the volume
+        if self.line == self.quantity and not stiffest < SOFTENING * softened:
             self.follow("volume")
-        elif self.line == "volume" and 0 < softened < SOFTENING / 2:
-            self.follow("pressure")
+        elif self.line == "volume" and stiffest < SOFTENING / 2 * softened:
+            self.follow(self.quantity)
+
+    @property
+    def may_follow_volume(self) -> bool:
+        """Whether the volume may be followed where no step of the requested quantity succeeds."""
+        return self.control in ("auto", "pressure") and self.quantity != "volume"
 
     @property
     def ends(self) -> bool:
-        """Whether a limit point of what is requested ends the path: beyond it that has no state. A volume has one."""
-        return self.control in ("auto", "pressure") and self.quantity != "volume"
+        """Whether a limit point of the pressure ends the path: a pressure above it has no state, a volume has one."""
+        return self.may_follow_volume and self.quantity == "pressure"
 
     def turn(self, before: Point, after: Point) -> list[Point]:
         """The limit point of the stroke between two points, if there is one: there the gas goes on to push by itself."""
         if self.supply is None or self._stroke_slope(before) <= 0.0 or self._stroke_slope(after) >= 0.0:
             return []
-        return [self.point(self._bisect(before, after, self._stroke_slope))]
+        return [dataclasses.replace(self.point(self._bisect(before, after, self._stroke_slope)), turn=True)]
 
     def _stroke_slope(self, point: Point) -> float:
         """dS/dV along the path."""
@@ -433,22 +468,29 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         yield dataclasses.replace(first, requested=requested)
         left = left[1:] if requested else left
     met = next((point for point in start if point.limit), None)
+    turned = next((point for point in reversed(start) if point.turn), None)
+    jumping = turned is not None and path.value(turned.state) > path.value(path.last.state)
     while left:
-        _check_end(path, met)
+        _check_end(path, met, turned)
         path.choose(met is not None)
         before = path.last
         step = before.step
-        if met is not None and path.ends and path.quantity == "pressure":
+        if met is not None and path.ends:
             step = min(step, PAST_LIMIT / 2 * (met.state.V - path.V0))
         try:
             after = path.advance(step, left[0])
         except PathEnd as end:
-            raise PathEnd(str(end), met if path.quantity == "pressure" else None) from end
+            raise _ended(str(end), path, met, turned) from end
         passed, turn = before, path.turn(before, after)
         stops = [*events(path, before, after), after]
         if turn:
             stops = sorted([*turn, *stops], key=lambda point: abs(point.state.V - before.state.V))
         for stop in stops:
+            if jumping and turned and path.value(passed.state) < path.value(turned.state) <= path.value(stop.state):
+                # On the bench the device jumps at the stroke's limit point to here.
+                landed = path.between(passed, stop, path.value(turned.state))
+                passed, jumping = path.keep(dataclasses.replace(landed, requested=False, jump=True)), False
+                yield passed
             # On its own line the path stops at a goal by itself; on another it has to look back for those it passed.
             while path.line != path.quantity and path.value(passed.state) < left[0] <= path.value(stop.state):
                 passed = path.keep(path.between(passed, stop, left[0]))
@@ -456,24 +498,33 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
                 yield passed
                 if not left:
                     return
-            passed = path.keep(dataclasses.replace(stop, step=after.step))
+            if stop.bifurcation:
+                # Interpolated, and where K is singular: nothing to foretell the next state from.
+                path.modes.append(Mode(path.stability, stop.mode))
+                passed = stop
+            else:
+                passed = path.keep(dataclasses.replace(stop, step=after.step))
             if met is None and stop.limit and before.tangent.P > 0:
                 met = passed
+            if stop.turn:
+                turned, jumping = passed, True
             yield passed
-            if stop in turn and path.ends:
-                raise PathEnd("the stroke has a limit point", passed)
         left = left[1:] if after.requested else left
 
 
-def _check_end(path: Path, met: Point | None) -> None:
+def _ended(why: str, path: Path, met: Point | None, turned: Point | None) -> PathEnd:
+    """The end of a path, with the limit point that the requested quantity has met."""
+    if path.quantity == "stroke":
+        return PathEnd(why, turned)
+    return PathEnd(why, met if path.quantity == "pressure" else None)
+
+
+def _check_end(path: Path, met: Point | None, turned: Point | None) -> None:
     """End a path that has gone far enough past its limit point, or too far altogether."""
     added = path.last.state.V - path.V0
-    if (
-        met is not None
-        and path.ends
-        and path.quantity == "pressure"
-        and added > (1 + PAST_LIMIT) * (met.state.V - path.V0)
-    ):
+    if met is not None and path.ends and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
         raise PathEnd("the pressure has a limit point", met)
     if path.quantity != "volume" and added > path.farthest * path.V_scale:
-        raise PathEnd(f"the cavity has grown {path.farthest:g} times and the requested value was not met", met)
+        raise _ended(
+            f"the cavity has grown {path.farthest:g} times and the requested value was not met", path, met, turned
+        )

@@ -38,7 +38,7 @@ STYLE: Any = {
     "lines.linewidth": 2.0,
 }
 INK, EDGE, FAINT = "#102a43", "#334e68", "#829ab1"
-CURVE, WARNING = "#2f6f9f", "#c0392b"
+CURVE, WARNING, BRANCH = "#2f6f9f", "#c0392b", "#b7791f"
 
 
 def number(value: float) -> str:

@@ -79,7 +79,7 @@ def _curves(states: States, out: Folder) -> None:
     if states.case.program:
         out.save(actuator.gauge, program_plots.steps(states.rows, actuator.gauge))
     else:
-        out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm))
+        out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm, states.branch))
     if not actuator.on_profile(states.points).any():
         return
     rest = plots.profile(states.points, np.zeros_like(states.points), actuator)

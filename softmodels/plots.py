@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geometries import Actuator
-from softmodels.pages import CURVE, DPI, EDGE, LINES, WARNING, WIDTH, Array, Row, number
+from softmodels.pages import BRANCH, CURVE, DPI, EDGE, LINES, WARNING, WIDTH, Array, Row, number
 from softmodels.triangles import parabolas
 
 FEW = 2
@@ -18,52 +18,80 @@ FEW = 2
 LEGEND_LINES = 12
 
 
-def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
+def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence[Row] = ()) -> Figure:
     """Rise of the device's gauge, such as the disk's apex, over the pressure.
 
     Args:
         rows: All rows of ``path.csv``.
         gauge: The device's `Actuator.gauge`.
         pascal_per_cm: Pa in one cm of the column.
+        branch: Rows of the branch that was followed, if one was.
     """
-    column = f"{gauge}_mm"
-    path = np.array([[row["pressure_cm"], row[column]] for row in rows])
     figure = Figure((WIDTH, 6.4), dpi=DPI, layout="constrained")
     axes = figure.subplots()
-    axes.plot(*smooth(path).T, color=CURVE, label="simulated path")
-    axes.plot(*path.T, "o", color=CURVE, markersize=3.5, label="steps")
-    asked = np.array([[row["pressure_cm"], row[column]] for row in rows if row["requested"]]).reshape(-1, 2)
-    if len(asked):
-        axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=9, markeredgewidth=2, label="requested")
-    for row in limits(rows):
-        pressure = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
-        label = f"limit point: {pressure}, {row[column]:.4g} mm"
-        axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9, label=label)
+    column = f"{gauge}_mm"
+    _path(axes, rows, column, branch)
+    for name, colour, marker, events in _events(rows):
+        for row in events:
+            pressure = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
+            label = f"{name}: {pressure}, {row[column]:.4g} mm"
+            axes.plot(row["pressure_cm"], row[column], marker, color=colour, markersize=9, label=label)
     axes.set(xlabel="pressure in cm of water", ylabel=f"{gauge} rise in mm")
     axes.margins(0.04)
     k = pascal_per_cm / 1e3
     convert: Any = (lambda column: column * k, lambda pressure: pressure / k)
     axes.secondary_xaxis("top", functions=convert).set_xlabel("pressure in kPa", labelpad=8)
-    axes.legend(loc="lower right")
+    axes.legend(loc="best")
     return figure
 
 
-def curves(rows: Sequence[Row], gauge: str) -> Figure:
-    """The gauge's rise and the added volume over the pressure, side by side; rows of ``path.csv``."""
+def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = ()) -> Figure:
+    """The gauge's rise and the added volume over the pressure, side by side; arguments as of `rise`."""
     figure = Figure((WIDTH, 4.2), dpi=DPI, layout="constrained")
     wanted = ((f"{gauge}_mm", f"{gauge} rise in mm"), ("added_volume_ml", "added volume in ml"))
     for axes, (column, label) in zip(figure.subplots(1, 2), wanted, strict=True):
-        path = np.array([[row["pressure_cm"], row[column]] for row in rows])
-        asked = path[[bool(row["requested"]) for row in rows]]
-        axes.plot(*smooth(path).T, color=CURVE)
-        axes.plot(*path.T, "o", color=CURVE, markersize=3.5, label="steps")
-        if len(asked):
-            axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
-        for row in limits(rows):
-            axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=8, label="limit point")
+        _path(axes, rows, column, branch)
+        for name, colour, marker, events in _events(rows):
+            places = [[row[key] for row in events] for key in ("pressure_cm", column)]
+            axes.plot(*places, marker, color=colour, markersize=8, label=name)
         axes.set(xlabel="pressure in cm of water", ylabel=label)
         axes.legend(loc="best")
     return figure
+
+
+def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
+    """What happens on a path: its name, colour and marker, and the rows where it does; only what there is."""
+    kinds = (
+        ("limit point", WARNING, "D", limits(rows)),
+        ("bifurcation", BRANCH, "s", [row for row in rows if row.get("bifurcation")]),
+    )
+    return [kind for kind in kinds if kind[3]]
+
+
+def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row]) -> None:
+    """Curve, steps, requested values and jumps of a path over the pressure, and the branch that leaves it."""
+    places = np.array([[row["pressure_cm"], row[column]] for row in rows])
+    jumps = [k for k, row in enumerate(rows) if row.get("jump")]
+    held = np.array([bool(row.get("stable_under_supply", True)) for row in rows])
+    # With a syringe the states that are jumped over are on the path too.
+    parts = [places] if not held.all() else np.split(places, jumps)
+    for k, part in enumerate(parts):
+        axes.plot(*smooth(part).T, color=CURVE, label="" if k else "simulated path")
+    axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
+    if not held.all():
+        axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps the syringe jumps over")
+    asked = places[[bool(row["requested"]) for row in rows]]
+    if len(asked):
+        axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
+    for k in jumps:
+        start, end = places[:k][held[:k]][-1], places[k]
+        axes.plot(*np.array([start, end]).T, ":", color=WARNING, label="" if k > jumps[0] else "jump")
+        way = {"arrowstyle": "-|>", "color": WARNING, "mutation_scale": 16}
+        axes.annotate("", 0.45 * start + 0.55 * end, 0.55 * start + 0.45 * end, arrowprops=way)
+    if branch:
+        leaving = next(row for row in rows if row.get("bifurcation"))
+        aside = np.array([[row["pressure_cm"], row[column]] for row in (leaving, *branch)])
+        axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
 
 
 def limits(rows: Sequence[Row]) -> list[Row]:

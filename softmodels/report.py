@@ -97,7 +97,8 @@ def _curves(states: States) -> str:
     stream = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         gauge = states.actuator.gauge
-        figure = program_plots.steps(states.rows, gauge) if states.case.program else plots.curves(states.rows, gauge)
+        program = states.case.program
+        figure = program_plots.steps(states.rows, gauge) if program else plots.curves(states.rows, gauge, states.branch)
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = stream.getvalue()
     return f'<figure class="curves">{text[text.index("<svg") :]}</figure>'

@@ -9,6 +9,7 @@ DOLFINx would write, and ParaView would show each field on a grid of its own.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import errno
@@ -68,6 +69,10 @@ class Results:
     def rows(self) -> list[dict[str, Any]]:
         return [step.row for step in self.stored]
 
+    def branch(self) -> Results:
+        """Results of the branch that leaves this path, in a folder of their own; there may be none."""
+        return Results(self.folder / "branch", self.name, self.gauge)
+
     def clear(self) -> None:
         """Make the folder and take away what an earlier run of this name left in it."""
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -80,6 +85,11 @@ class Results:
         ):
             path.unlink(missing_ok=True)
         clear_pictures(self.folder, self.gauge)
+        if (branch := self.branch()).heavy.exists():
+            branch.clear()
+            (branch.folder / "case.toml").unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # something of the user's is in it
+                branch.folder.rmdir()
 
     def begin(self, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], cell_name: str) -> None:
         """Store the grid: points (n, 3) in m, cells (c, k) of an XDMF cell type."""

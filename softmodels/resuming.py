@@ -40,7 +40,11 @@ def drop_between(case: Case, results: Results) -> None:
     while results.stored:
         row = results.stored[-1].row
         if not (
-            row["limit"] or row["bifurcation"] or (row["requested"] and row["step"] and row["following"] != quantity)
+            row["limit"]
+            or row["bifurcation"]
+            or row.get("stroke_limit")
+            or row["jump"]
+            or (row["requested"] and row["step"] and row["following"] != quantity)
         ):
             return
         results.stored.pop()
@@ -70,12 +74,14 @@ def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     from softmodels.loading import Point
     from softmodels.stability import Signature
 
+    # A bifurcation is interpolated: the path did not go on from it.
     records = on_root(comm, lambda: [stored.restart for stored in results.stored])
-    count = len(records)
+    solved = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if not row["bifurcation"]])
     factorised = max(i for i, record in enumerate(records) if record["factorised"])
     limits = [i for i, record in enumerate(records) if record["limit"]][:1]
     points = []
-    for i in sorted({*limits, factorised, max(count - 2, 0), count - 1}):
+    turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
+    for i in sorted({*limits, *turns, factorised, *solved[-2:]}):
         record = dict(records[i])
         record["signature"] = Signature(**record["signature"])
         nodal = results.fields(i, ("displacement", "p")) if is_root(comm) else None

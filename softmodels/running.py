@@ -19,7 +19,7 @@ import numpy as np
 
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
-from softmodels.closing import close, explain, explain_step
+from softmodels.closing import close, explain, explain_step, gather
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.materials import MaterialError
 from softmodels.obstacle import ObstacleError
@@ -29,7 +29,7 @@ from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
 from softmodels.resuming import check_same, check_values, drop_between, stopped_at, stored_points
 from softmodels.silicones import stretch_at_break
-from softmodels.stability_report import unseen
+from softmodels.stability_report import unlocated, unseen
 
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
@@ -190,18 +190,20 @@ def _follow(
         progress.say(f"going on from step {on_root(comm, lambda: len(results.stored) - 1)}")
     else:
         on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
-    bifurcations = []
+    bifurcations, lost = [], None
     try:
         for point in cycle(path, goals) if case.cycle else trace(path, goals, begin):
             _keep(case, results, fields, comm, progress, point)
             bifurcations += [point] if point.bifurcation else []
             _stop_if_asked(comm, stopped)
-        if branch:
-            _follow_branch(case, results, fields, comm, progress, path, bifurcations)
     except PathEnd as end:
-        raise RunError(explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED) from end
+        lost = RunError(explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED)
     except NoConvergence as failure:
         raise _lost(failure) from failure
+    if branch:
+        _follow_branch(case, results, fields, comm, progress, stopped, path, bifurcations)
+    if lost is not None:
+        raise lost
     return ""
 
 
@@ -236,17 +238,25 @@ def _follow_program(
 
 
 def _follow_branch(
-    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, path: Any, bifurcations: list[Any]
-) -> None:
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: list[int], path: Any,
+    bifurcations: list[Any],
+) -> None:  # fmt: skip
     """Follow the branch at the first bifurcation into a folder of its own."""
     from softmodels.branching import follow
+    from softmodels.equilibrium import NoConvergence
     from softmodels.loading import PathEnd
 
     if not bifurcations:
         hidden = unseen(case.actuator)
-        progress.say(f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}")
+        text = f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
+        text = on_root(comm, lambda: unlocated(results.rows)) or text
+        if on_root(comm, lambda: any(row.get("bifurcation") for row in results.rows)):
+            text = (
+                "the bifurcation was met before the run was gone on with; run it without --resume to follow the branch"
+            )
+        progress.say(text)
         return
-    aside = Results(results.folder / "branch", case.name)
+    aside = results.branch()
     on_root(comm, aside.clear)
     on_root(comm, lambda: write_text(aside.folder / "case.toml", case.to_toml()))
     on_root(comm, lambda: aside.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
@@ -255,9 +265,10 @@ def _follow_branch(
     try:
         for point in follow(path, bifurcations[0], farthest=farthest):
             _keep(case, aside, fields, comm, progress, point)
-    except PathEnd as end:
+            _stop_if_asked(comm, stopped)
+    except (PathEnd, NoConvergence) as end:
         progress.say(f"the branch was followed no further: {end}")
-    on_root(comm, lambda: aside.finish() if aside.stored else None)
+    on_root(comm, lambda: gather(case, aside, DONE, "") if aside.stored else None)
 
 
 def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
@@ -265,8 +276,8 @@ def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
         raise RunError("stopped by the user; go on with --resume", STOPPED)
 
 
-def _driven(case: Case, fields: Any, figures: Any) -> dict[str, float]:
-    """The syringe's columns of a row: its stroke, and what the gas has taken up."""
+def _driven(case: Case, fields: Any, figures: Any, point: Any) -> dict[str, float]:
+    """The syringe's columns of a row: its stroke, what the gas has taken up, and whether it holds the state."""
     if case.supply is None:
         return {}
     eq = fields.equilibrium
@@ -277,7 +288,8 @@ def _driven(case: Case, fields: Any, figures: Any) -> dict[str, float]:
     taken = {} if case.supply.leak else {
         "gas_energy_mJ": case.supply.gas_energy(stroke, figures.added_volume, figures.pressure, cavity) * 1e3
     }  # fmt: skip
-    return {"stroke_ml": stroke * 1e6, **taken}
+    held = point.stable_under(curve.line(V, P))
+    return {"stroke_ml": stroke * 1e6, **taken, "stroke_limit": int(point.turn), "stable_under_supply": int(held)}
 
 
 def _of_cavities(case: Case, figures: Any, come: float) -> dict[str, float]:
@@ -301,7 +313,7 @@ def _keep(
     limit = stretch_at_break(case.material)
     restart = {
         "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
-        "step": point.step,
+        "turn": point.turn, "step": point.step,
         "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
         "iterations": point.state.iterations, "signature": dataclasses.asdict(point.signature),
     }  # fmt: skip
@@ -309,7 +321,7 @@ def _keep(
         mode = fields.shape(point.mode)
         nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
 
-    driven = _driven(case, fields, figures)
+    driven = _driven(case, fields, figures, point)
     # Of a program's pressures the highest stands for all.
     pressure = max(figures.cavity_pressures) if case.program else figures.pressure
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,9 @@ MOST_SWEEPS, SETTLED = 40, 1e-11
 """The same for small systems, which can afford to iterate until the eigenvalue stays."""
 LOOSE = 0.03
 """Relative tolerance of the one inverse iteration where K is not factorised."""
+
+ALIKE = 0.6
+"""Cosine of the angle between two modes (in the inner product of M) above which they are one mode at two states."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,6 +104,8 @@ class Stability:
             bc.set(seed.x.array, alpha=0.0)
         self.x, self.Mx, self.y = (self.M.createVecRight() for _ in range(3))
         self.x.array_w[:] = seed.x.array[: eq.n]
+        self.sense = self.M.createVecLeft()  # tells a mode from its opposite
+        self.M.mult(self.x, self.sense)
         self.reference = self.largest = self._guess = 0.0
 
     # -- along a path -------------------------------------------------------------------------------------------------
@@ -172,7 +178,7 @@ class Stability:
             count: How many at least.
 
         Returns:
-            Pairs of eigenvalue (dimensionless) and mode: shape as `State.w`, largest entry 1.
+            Pairs of eigenvalue (dimensionless) and mode: shape as `State.w`, largest entry 1 or -1.
         """
         self.equilibrium.factorise(state)
         return self._pairs(count)
@@ -213,27 +219,71 @@ class Stability:
         function = fem.Function(self.equilibrium.space)
         function.x.array[: self.equilibrium.n] = vector.array_r
         function.x.scatter_forward()
-        low, high = vector.min()[1], vector.max()[1]
-        scaled = function.x.array / (high if high >= -low else low)
+        # By its largest entry alone, an antisymmetric mode would turn round with the rounding of the day.
+        largest = max(vector.max()[1], -vector.min()[1])
+        scaled = function.x.array / math.copysign(largest, vector.dot(self.sense))
         return np.concatenate([scaled, np.zeros(len(self.equilibrium.drive.held))])
 
     def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
-        """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode.
-
-        Continuous along a path, negative where more than ``index`` are. K is factorised at the state.
-        """
+        """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the state."""
         pairs = self.eigenpairs(state)
         negative = self.excess()
         rank = negative - sum(value < 0 for value, _ in pairs)  # negative ones farther from zero than those found
         chosen = min(max(index - rank, 0), len(pairs) - 1)
         return pairs[chosen]
 
-    def push(self, mode: npt.NDArray[np.float64]) -> tuple[Any, float]:
-        """M times a mode, and mode.M.mode: what a displacement has of the mode is their quotient."""
-        vector, image = self.M.createVecRight(), self.M.createVecLeft()
-        vector.array_w[:] = mode[: self.equilibrium.n]
-        self.M.mult(vector, image)
-        return image, float(vector.dot(image))
+    def like(self, state: State, shape: npt.NDArray[np.float64]) -> tuple[float, npt.NDArray[np.float64]]:
+        """The eigenvalue whose mode is most like a shape, and that mode: the same one all along, whatever others it passes.
+
+        Args:
+            state: The state; K is factorised there.
+            shape: Mode at a neighbouring state, local dofs.
+
+        Raises:
+            NoConvergence: No mode is like it.
+        """
+        measure = Mode(self, shape)
+        pairs = [
+            (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
+        ]
+        likeness, value, mode = max(pairs, key=lambda pair: pair[0])
+        if likeness < ALIKE:
+            raise NoConvergence("its mode was lost between two states")
+        return value, mode
+
+
+class Mode:
+    """A shape in which a device leaves its path, as a measure of other shapes.
+
+    Args:
+        stability: Of the device's equilibrium.
+        shape: Local dofs, shape as `State.w`.
+
+    Attributes:
+        image: M times the shape over shape.M.shape, a PETSc vector: its product with dofs is what they have of the shape.
+    """
+
+    def __init__(self, stability: Stability, shape: npt.NDArray[np.float64]):
+        self._M = stability.M
+        self._vector, self.image = self._M.createVecRight(), self._M.createVecLeft()
+        self._size = self._length(shape)
+        self._M.mult(self._vector, self.image)
+        self.image.scale(1 / self._size**2)
+
+    def share(self, w: npt.NDArray[np.float64]) -> float:
+        """What dofs (shape as `State.w`) have of the mode."""
+        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
+        return float(self.image.dot(self._vector))
+
+    def size(self, w: npt.NDArray[np.float64]) -> float:
+        """How large dofs are, with the mode as the unit."""
+        return self._length(w) / self._size
+
+    def _length(self, w: npt.NDArray[np.float64]) -> float:
+        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
+        pushed = self._M.createVecLeft()
+        self._M.mult(self._vector, pushed)
+        return float(self._vector.dot(pushed) ** 0.5)
 
 
 class _Inverse:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ Row = Mapping[str, Any]
 
 def events(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Limit points, bifurcations and jumps of a path, in order, as ``summary.json`` lists them."""
-    kinds = ("limit", "bifurcation", "jump")
+    kinds = ("limit", "bifurcation", "stroke_limit", "jump")
     keys = ("step", "pressure_cm", "pressure_Pa", "added_volume_ml")
     return [{"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)]
 
@@ -20,16 +21,36 @@ def events(rows: Sequence[Row]) -> list[dict[str, Any]]:
 def unseen(actuator: Actuator) -> str:
     """What a symmetric slice cannot show, and how to see it; empty for a whole device."""
     if actuator.dimension == 2:
-        return (
-            "a section shows no mode that varies around the axis; --section wedge --angle 180 (or 360) shows those too"
-        )
+        return f"a section shows no mode that varies around the axis; {actuator.fuller} shows those too"
     if actuator.copies > 1:
-        return f"a slice of which {actuator.copies} make the device shows only modes with its symmetry; --angle 360 shows all"
+        parts = f"a slice of which {actuator.copies} make the device"
+        return f"{parts} shows only modes with its symmetry; {actuator.fuller} shows all"
     return ""
 
 
-def stability_text(rows: Sequence[Row], actuator: Actuator) -> str:
-    """One or two sentences on how the last state stands and where it changed; for the closing message."""
+def unlocated(rows: Sequence[Row]) -> str:
+    """That a bifurcation was passed and not located; empty if none was.
+
+    The number of falling directions changes at limit points and bifurcations alone, whose own rows still have the old one.
+    """
+    for before, after in itertools.pairwise(rows):
+        told = before.get("limit") or before.get("bifurcation")
+        if before["falling_directions"] != after["falling_directions"] and not told:
+            return (
+                f"a bifurcation between {before['pressure_cm']:.4g} and {after['pressure_cm']:.4g} cm could not be located; "
+                "more requested values around it, or a finer mesh, may show it"
+            )
+    return ""
+
+
+def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row] = ()) -> str:
+    """One or two sentences on how the last state stands and where it changed; for the closing message.
+
+    Args:
+        rows: The path's rows of ``path.csv``.
+        actuator: The device.
+        branch: Those of the branch that was followed, if one was.
+    """
     if not rows or "falling_directions" not in rows[-1]:
         return ""
     last, found = rows[-1], [row for row in rows if row.get("bifurcation")]
@@ -41,11 +62,26 @@ def stability_text(rows: Sequence[Row], actuator: Actuator) -> str:
         count = last["falling_directions"]
         text = f"unstable: the energy falls in {count} direction{'s' if count > 1 else ''}"
     text = f"the last state is {text}"
+    lost = [row for row in rows if not row.get("stable_under_supply", 1)]
+    if lost:
+        text += (
+            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the gas of this syringe no longer "
+            f"holds the device, which jumps over {len(lost)} of the states (stable_under_supply in path.csv)"
+        )
     if found:
         at = ", ".join(f"{row['pressure_cm']:.4g} cm ({row['added_volume_ml']:.4g} ml)" for row in found)
         text += (
             f"; bifurcation{'s' if len(found) > 1 else ''} at {at}, beyond which the device leaves this shape "
-            "(mode.png; --branch follows where it goes)"
+            f"(mode.png; {'branch/ has where it goes' if branch else '--branch follows where it goes'})"
+        )
+    elif passed := unlocated(rows):
+        text += f"; {passed}"
+    if branch:
+        end = branch[-1]
+        rise, held = end[f"{actuator.gauge}_mm"], "stable" if end["stable_under_volume"] else "unstable"
+        text += (
+            f"; the branch was followed through {len(branch)} states to {end['pressure_cm']:.4g} cm "
+            f"({end['added_volume_ml']:.4g} ml), {actuator.gauge} {rise:+.4g} mm, {held} under a given volume"
         )
     hidden = unseen(actuator)
     return f"{text} ({hidden})" if hidden else text

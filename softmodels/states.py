@@ -74,6 +74,14 @@ class States:
         """The first state at which another branch leaves the path; None if there is none."""
         return next((step for step, row in enumerate(self.rows) if row.get("bifurcation")), None)
 
+    @functools.cached_property
+    def branch(self) -> list[dict[str, Any]]:
+        """Rows of the branch that was followed from there; none if none was."""
+        branch = self.results.branch()
+        if branch.heavy.exists():
+            branch.load()
+        return branch.rows
+
     def field(self, step: int, name: str) -> Array:
         """A nodal field of a state, shape (n,) or (n, 3), SI units."""
         return np.asarray(self._read(step, name))

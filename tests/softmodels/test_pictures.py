@@ -161,6 +161,23 @@ def test_limit_points_are_marked_with_their_value():
     assert not [line for line in plots.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())]
 
 
+def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
+    keys = ("pressure_cm", "apex_mm", "jump", "bifurcation", "stable_under_supply")
+    table = ((0, 0, 0, 0, 1), (20, 5, 0, 1, 1), (20, 30, 1, 0, 1), (15, 28, 0, 0, 0), (18, 32, 0, 0, 1))
+    path = [dict(zip(keys, row, strict=True), pressure_Pa=95 * row[0], requested=0, limit=0) for row in table]
+    branch = [{**path[0], "pressure_cm": 19, "apex_mm": 7}, {**path[0], "pressure_cm": 18, "apex_mm": 9}]
+    (axes,) = plots.rise(path, "apex", 95.0, branch).axes
+    shown = {line.get_label(): np.array(line.get_xydata()) for line in axes.lines}
+    assert shown["jump"] == pytest.approx(np.array([[20, 5], [20, 30]]))
+    assert shown["steps the syringe jumps over"] == pytest.approx(np.array([[15, 28]]))
+    assert next(xy for label, xy in shown.items() if label.startswith("bifurcation: 20 cm")) == pytest.approx(
+        np.array([[20, 5]])
+    )
+    assert shown["branch"][[0, -1]] == pytest.approx(np.array([[20, 5], [18, 9]]))
+    drawn = [xy for label, xy in shown.items() if label == "simulated path" or label.startswith("_child")]
+    assert not any(((xy[:, 1] > 6) & (xy[:, 1] < 27)).any() for xy in drawn)  # no curve along the jump
+
+
 def test_the_smooth_curve_keeps_points_and_turning_points():
     path = np.array([[0.0, 0.0], [10.0, 5.0], [20.0, 8.0], [25.0, 15.0], [25.0, 15.0], [22.0, 20.0]])
     curve = plots.smooth(path, 4001)

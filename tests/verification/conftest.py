@@ -149,10 +149,10 @@ class Octant(Plain):
         gmsh.model.mesh.setSizeCallback(lambda *args: self.cell_size)
 
 
-def _corner_coordinates(face):
+def _corner_coordinates(tag, dimension=2):
     import gmsh
 
-    corners = gmsh.model.getBoundary([(2, face)], recursive=True)
+    corners = gmsh.model.getBoundary([(dimension, tag)], recursive=True)
     return np.array([gmsh.model.getValue(0, tag, []) for _, tag in corners])
 
 
@@ -274,10 +274,56 @@ class Block(Plain):
         gmsh.model.mesh.setSizeCallback(lambda *args: self.edge / self.cells)
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Plate(Plain):
+    """A plate that keeps its width, pushed together along x: a platen at x = 0 and the pressed one, the "cavity"."""
+
+    length: float = length_field(0.050, "length")
+    thickness: float = length_field(0.010, "thickness")
+    cell_size: float = length_field(0.0025, "edge length")
+
+    dimension = 3
+
+    @property
+    def size(self):
+        return self.thickness
+
+    @property
+    def cut_planes(self):
+        return (CutPlane("plane0", (-1.0, 0.0, 0.0)), CutPlane("plane2", (0.0, 0.0, -1.0)))
+
+    @property
+    def holds(self):
+        return (Hold("front", (0.0, 0.0, 1.0)), Hold("edge", (0.0, 1.0, 0.0)))
+
+    @property
+    def cavity_volume(self):
+        return self.length * self.thickness * self.cell_size  # the room that the platen can take away
+
+    def build(self):
+        import gmsh
+
+        gmsh.model.occ.addBox(0, 0, 0, self.length, self.thickness, self.cell_size)
+        gmsh.model.occ.synchronize()
+        _group(3, [1], "solid")
+        places = {"plane0": (0, 0.0), "cavity": (0, self.length), "plane2": (2, 0.0), "front": (2, self.cell_size)}
+        groups = {}
+        for _, face in gmsh.model.getEntities(2):
+            points = _corner_coordinates(face)
+            flat = [name for name, (axis, at) in places.items() if np.abs(points[:, axis] - at).max() < 1e-9]
+            groups.setdefault(flat[0] if flat else "outer", []).append(face)
+        for name, faces in groups.items():
+            _group(2, faces, name)
+        for _, edge in gmsh.model.getEntities(1):
+            if np.abs(_corner_coordinates(edge, 1)[:, :2]).max() < 1e-9:
+                _group(1, [edge], "edge")
+        gmsh.model.mesh.setSizeCallback(lambda *args: self.cell_size)
+
+
 @pytest.fixture(scope="session")
 def bodies():
     """The test bodies by name: modules of tests cannot import each other."""
-    return types.SimpleNamespace(Sphere=Sphere, Octant=Octant, Tube=Tube, Block=Block)
+    return types.SimpleNamespace(Sphere=Sphere, Octant=Octant, Tube=Tube, Block=Block, Plate=Plate)
 
 
 @pytest.fixture(scope="session")

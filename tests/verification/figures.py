@@ -1,7 +1,7 @@
-"""A program, not a test: figures of a wedge, a slab with channels, a disk past its limit and a part with two cavities, as one
-line of JSON on rank 0.
+"""A program, not a test: figures of a wedge, a slab, a disk past its limit, one that bifurcates and a part with two cavities,
+as JSON on rank 0.
 
-Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh SECTION.msh PAIR.msh, with PAIR.step beside PAIR.msh
+Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh SECTION.msh TWIN.msh PAIR.msh, with PAIR.step beside PAIR.msh
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from softmodels.parallel import abort_on_error, is_root, start
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
 SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
 SECTION = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
+TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, cell_size=0.003)
+"""With two equal membranes, of which one balloons in the end."""
 
 
 def pair_of(step: Path) -> ImportedActuator:
@@ -25,7 +27,7 @@ def pair_of(step: Path) -> ImportedActuator:
     return ImportedActuator(file=str(step), cavities=cavities, support="x = 0 mm", cell_size=0.006)
 
 
-def figures(comm, wedge: Path, slab: Path, section: Path, pair: Path) -> dict[str, list[float]]:
+def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path) -> dict[str, list[float]]:
     """Key figures by state; the same on every rank."""
     import numpy as np
 
@@ -34,7 +36,7 @@ def figures(comm, wedge: Path, slab: Path, section: Path, pair: Path) -> dict[st
     from softmodels.fields import Fields
     from softmodels.loading import Path as LoadPath
     from softmodels.loading import PathEnd, trace
-    from softmodels.materials import NeoHookean
+    from softmodels.materials import NeoHookean, Yeoh
 
     found = {}
     for name, device, file in (("wedge", WEDGE, wedge), ("slab", SLAB, slab)):
@@ -57,6 +59,7 @@ def figures(comm, wedge: Path, slab: Path, section: Path, pair: Path) -> dict[st
         found["limit"] = [end.limit.state.P]
     found["falling directions"] = [float(point.signature.excess) for point in points]
     found["lowest eigenvalue"] = [points[0].signature.lowest, points[-1].signature.lowest]
+    found.update(bifurcation(Equilibrium(Body.from_file(TWIN, twin, comm), Yeoh(10e3, 20.0, 3.0, 0.495))))
     found["pair, one volume held and then changed"] = program(comm, pair)
     return found
 
@@ -82,6 +85,23 @@ def program(comm, pair: Path) -> list[float]:
                 point.signature.lowest,
             ]
     return found
+
+
+def bifurcation(equations) -> dict[str, list[float]]:
+    """Volume and pressure where two equal membranes begin to differ, and some states further along that branch."""
+    import itertools
+
+    from softmodels.branching import follow
+    from softmodels.loading import Path as LoadPath
+    from softmodels.loading import trace
+
+    path = LoadPath(equations, "auto", "volume", largest_step=2.0)
+    first = next(point for point in trace(path, [12.0]) if point.bifurcation)
+    branch = [point.state for point in itertools.islice(follow(path, first), 2)]
+    return {
+        "bifurcation": [first.state.V, first.state.P],
+        "branch": [value for state in branch for value in (state.V, state.P)],
+    }
 
 
 def rates(equations, added: float) -> list[float]:
@@ -111,6 +131,6 @@ def rates(equations, added: float) -> list[float]:
 if __name__ == "__main__":
     world = start()
     abort_on_error(world)
-    result = figures(world, *map(Path, sys.argv[1:5]))
+    result = figures(world, *map(Path, sys.argv[1:]))
     if is_root(world):
         print(json.dumps({**result, "ranks": world.size}))

@@ -30,8 +30,8 @@ def program():
 def meshes(program, two_cavities, tmp_path_factory):
     folder = tmp_path_factory.mktemp("ranks")
     pair = program.pair_of(shutil.copy(two_cavities, folder / "pair.step"))
-    alone = [device.write(folder / f"{device.name}.msh") for device in (program.WEDGE, program.SLAB, program.SECTION)]
-    return [*alone, pair.write(folder / "pair.msh")]
+    devices = (program.WEDGE, program.SLAB, program.SECTION, program.TWIN)
+    return [*(device.write(folder / f"{device.name}.msh") for device in devices), pair.write(folder / "pair.msh")]
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from geometries import HollowDisk
+from softmodels.homogeneous import balloon_pressure
 from softmodels.materials import NeoHookean
 from softmodels.supply import Stroke, Syringe
 
@@ -98,11 +99,11 @@ def test_a_leak_lowers_the_pressure_by_the_mass_it_takes(disk, drive):
 
 
 def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved):
-    """Twenty litres in the tubes: there is no state past the volume-controlled curve's largest stroke."""
+    """Twenty litres in the tubes: at the largest stroke of a path under volume the device jumps to where that comes again."""
     syringe = Syringe(syringe=2000 * ML, dead_volume=20000 * ML)
     supply = syringe.control(disk.rest().V * disk.volume_unit, disk.stress_unit, disk.volume_unit)
-    path, _, end = solved(disk, [1000 * ML / disk.volume_unit], quantity="stroke", supply=supply)
-    assert end is not None and "stroke has a limit point" in str(end)
+    path, points, end = solved(disk, [1000 * ML / disk.volume_unit], quantity="stroke", supply=supply)
+    assert end is not None and "grown 60 times" in str(end)
     _, known, _ = solved(disk, [60 * ML / disk.volume_unit], "volume", "volume", largest_step=1 * ML / disk.volume_unit)
     V, P = np.array([(p.state.V * disk.volume_unit, p.state.P * disk.stress_unit) for p in known]).T
     gas = 22000 * ML + V[0]
@@ -111,6 +112,79 @@ def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved
     peak = max(curve(V) for V in curve.derivative().roots(extrapolate=False))
     assert path.value(end.limit.state) * disk.volume_unit == pytest.approx(peak, rel=1e-5)
     assert end.limit.tangent.P < 0  # the pressure's own limit lies before it
+    landed = [point for point in points if point.jump]
+    assert [path.value(point.state) * disk.volume_unit for point in landed] == pytest.approx([float(peak)], rel=1e-5)
+    between = points[points.index(end.limit) + 1 : points.index(landed[0])]
+    assert len(between) > 2 and landed[0].stable_under(supply.line(landed[0].state.V, landed[0].state.P))
+    assert not any(point.stable_under(supply.line(point.state.V, point.state.P)) for point in between[:2])
+
+
+# -- what a syringe holds: a thin balloon, half of which is meshed and stands for all --------------------------------
+
+RUBBER, THICKNESS, RADIUS = NeoHookean(100e3, 0.5), 0.01, 0.010
+"""Law, thickness over middle radius, and middle radius in m."""
+MUCH_GAS = Syringe(syringe=200 * ML, dead_volume=8000 * ML)
+
+
+@pytest.fixture(scope="module")
+def balloon(bodies, equilibrium):
+    inner, outer = RADIUS * (1 - THICKNESS / 2), RADIUS * (1 + THICKNESS / 2)
+    return equilibrium(bodies.Sphere(inner=inner, outer=outer, through=1, along=16), RUBBER)
+
+
+def supply_of(equations, syringe):
+    cavity = equations.rest().V * equations.volume_unit
+    return syringe.control(cavity, equations.stress_unit, equations.volume_unit)
+
+
+def margin(syringe, stretch):
+    """How much slower the thin balloon's pressure falls with its volume than the gas's does, over the gas's: > 0 holds."""
+    h = 1e-5
+    volume = 2 / 3 * np.pi * (stretch * RADIUS) ** 3
+    rise = balloon_pressure(RUBBER, stretch + h, THICKNESS) - balloon_pressure(RUBBER, stretch - h, THICKNESS)
+    rubber = rise / (2 * h) / (3 * volume / stretch)
+    absolute = balloon_pressure(RUBBER, stretch, THICKNESS) + syringe.ambient
+    gas = absolute**2 / (syringe.gas_at_rest(2 / 3 * np.pi * RADIUS**3) * syringe.ambient)  # -dP/dV at a fixed stroke
+    return rubber / gas + 1
+
+
+def test_a_syringe_holds_a_balloon_where_its_gas_is_stiff_enough(balloon, solved):
+    """Past its limit point a balloon is held by little gas, and by much of it where its pressure falls slowly."""
+    little, much = Syringe(syringe=200 * ML), MUCH_GAS
+    V0 = balloon.rest().V
+    _, points, end = solved(balloon, [40 * V0], quantity="volume", largest_step=V0)
+    assert end is None
+    held = {True: 0, False: 0}
+    for point in points:
+        V, P = point.state.V, point.state.P
+        assert point.stable_under_volume and point.stable_under(supply_of(balloon, little).line(V, P))
+        middle = (
+            1 - THICKNESS / 2
+        ) ** -3  # what the wall's middle encloses at rest; the silicone between keeps its volume
+        stretch = ((V / V0 - 1) / middle + 1) ** (1 / 3)
+        if abs(expected := margin(much, stretch)) > 0.02:
+            found = point.stable_under(supply_of(balloon, much).line(V, P))
+            assert found == (expected > 0)
+            held[found] += 1
+    assert min(held.values()) > 5 and any(not p.stable_under_pressure for p in points)
+
+
+def test_strokes_that_a_balloon_jumps_over_are_passed_and_told(balloon, solved):
+    """Where the piston would have to go back, no state is held; every requested stroke is met before and after."""
+    supply = supply_of(balloon, MUCH_GAS)
+    strokes = [50 * ML / balloon.volume_unit, 180 * ML / balloon.volume_unit]
+    path, points, end = solved(balloon, strokes, quantity="stroke", supply=supply)
+    assert end is None
+    assert [path.value(p.state) for p in points if p.requested] == pytest.approx(strokes, rel=1e-9)
+    for point in points:
+        a, b = supply.slopes(point.state.V, point.state.P)
+        forward = a * point.tangent.V + b * point.tangent.P > 0
+        assert point.stable_under(supply.line(point.state.V, point.state.P)) == forward
+    backward = np.diff([path.value(p.state) for p in points]) < 0
+    assert backward.sum() > 2
+    turn, landed = ([p for p in points if getattr(p, what)] for what in ("turn", "jump"))
+    assert path.value(landed[0].state) == pytest.approx(path.value(turn[0].state), rel=1e-9)
+    assert len(turn) == len(landed) == 1 and landed[0].state.V > 2 * turn[0].state.V
 
 
 def test_slopes_are_those_of_the_stroke():
