@@ -16,8 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.controls import arc_length
-from softmodels.equilibrium import NoConvergence, State, Tangent
-from softmodels.loading import Path, PathEnd, Point, predict
+from softmodels.discrete import State
+from softmodels.equilibrium import NoConvergence, Tangent
+from softmodels.loading import Path
+from softmodels.points import PathEnd, Point, predict
 from softmodels.stability import Mode
 
 AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)

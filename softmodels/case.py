@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 import re
 import tomllib
@@ -19,6 +18,7 @@ from softmodels import program as programs
 from softmodels.materials import Material, MaterialError
 from softmodels.obstacle import STIFFNESS, Obstacle, ObstacleError
 from softmodels.program import Program, ProgramError
+from softmodels.series import SeriesError, series
 from softmodels.sheet import Sheet
 from softmodels.supply import SupplyError, Syringe
 
@@ -149,15 +149,19 @@ class Case:
                 f"the material's shear modulus is {mu:.4g} Pa; silicones have 5 to 500 kPa, so check the units of its "
                 f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are taken)"
             )
-        if self.pressures_cm and (most := self.pressures_cm[-1] * self.cm) > STIFFNESS_RANGE * mu:
-            raise CaseError(_too_much(self.pressures_cm[-1], most, mu))
-        for series in self.program:
-            if not series.is_volume and (most := max(series.values) * self.cm) > STIFFNESS_RANGE * mu:
-                raise CaseError(_too_much(max(series.values), most, mu))
-        cavity = self.actuator.cavity_volume
-        if self.volumes_ml and self.volumes_ml[-1] * 1e-6 > VOLUME_RANGE * cavity:
+        given = {is_volume: [v for one in self.program if one.is_volume == is_volume for v in one.values]
+                 for is_volume in (False, True)}  # fmt: skip
+        highest = max([*self.pressures_cm, *given[False]], default=0.0)
+        if (most := highest * self.cm) > STIFFNESS_RANGE * mu:
             raise CaseError(
-                f"an added volume of {self.volumes_ml[-1]:g} ml against a cavity of {cavity * 1e6:.4g} ml cannot be meant; "
+                f"a pressure of {highest:g} cm ({most / 1e3:.4g} kPa) against a shear modulus of {mu / 1e3:.4g} kPa cannot "
+                "be meant: check the units of both (silicones have 5 to 500 kPa)"
+            )
+        cavity = self.actuator.cavity_volume
+        largest = max([*self.volumes_ml, *given[True]], default=0.0)
+        if largest * 1e-6 > VOLUME_RANGE * cavity:
+            raise CaseError(
+                f"an added volume of {largest:g} ml against a cavity of {cavity * 1e6:.4g} ml cannot be meant; "
                 f"at most {VOLUME_RANGE:g} times the cavity is taken"
             )
 
@@ -265,7 +269,7 @@ class Case:
                 supply=supply_table.from_table(tables["supply"]) if "supply" in tables else None,
                 program=programs.from_tables(program) if program else (),
             )
-        except (GeometryError, MaterialError, ObstacleError, ProgramError, SupplyError) as error:
+        except (GeometryError, MaterialError, ObstacleError, ProgramError, SeriesError, SupplyError) as error:
             raise CaseError(str(error)) from None
 
     @classmethod
@@ -277,13 +281,6 @@ class Case:
             raise CaseError(f"case file {path} cannot be read ({getattr(error, 'strerror', None) or error})") from None
         except CaseError as error:
             raise CaseError(f"{path}: {error}") from None
-
-
-def _too_much(cm: float, pressure: float, mu: float) -> str:
-    return (
-        f"a pressure of {cm:g} cm ({pressure / 1e3:.4g} kPa) against a shear modulus of {mu / 1e3:.4g} kPa cannot be meant: "
-        "check the units of both (silicones have 5 to 500 kPa)"
-    )
 
 
 def _known(table: Mapping[str, Any], where: str, names: tuple[str, ...]) -> None:
@@ -336,61 +333,3 @@ def _density(value: Any) -> float:
         return quantity(value, "kg/m^3")
     except UnitError as error:
         raise CaseError(f"water_density: {error}") from None
-
-
-def series(text: Any, what: str) -> tuple[float, ...]:
-    """Requested values: ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``; or a list.
-
-    Args:
-        text: The text, or a sequence of numbers.
-        what: ``"pressure"`` or ``"volume"``, for the messages.
-
-    Returns:
-        The values, rising; the end of a range is always among them.
-
-    Raises:
-        CaseError: Not numbers, negative, not rising, or far too many.
-    """
-    if isinstance(text, str):
-        separator = ":" if ":" in text else ","
-        parts: list[Any] = [part.strip() for part in text.split(separator)]
-    elif isinstance(text, list | tuple):
-        separator, parts = ",", list(text)
-    else:
-        separator, parts = ",", [text]
-    try:
-        if any(isinstance(part, bool) for part in parts):
-            raise TypeError("true is no number here, though Python would take it for 1")
-        numbers = [float(part) for part in parts]
-    except (TypeError, ValueError):
-        raise CaseError(f"{what} {text!r} is not numbers; write 0:177, 0:177:10 or 0,70,130,177") from None
-    if not all(math.isfinite(number) for number in numbers):
-        raise CaseError(f"{what} {text!r} holds a value that is not finite")
-    if separator == ":":
-        numbers = _range(numbers, str(text), what)
-    for before, after in itertools.pairwise(numbers):
-        if after == before:
-            raise CaseError(f"{what} {after:g} is requested twice")
-        if after < before:
-            raise CaseError(f"{what} falls from {before:g} to {after:g}; give the values from low to high")
-    if numbers and numbers[0] < 0:
-        raise CaseError(f"{what} {numbers[0]:g} is below zero; positive values inflate, and suction is not modelled")
-    if numbers and numbers[-1] == 0:
-        raise CaseError(f"the only {what} requested is 0, where nothing happens")
-    return tuple(numbers)
-
-
-def _range(numbers: list[float], text: str, what: str) -> list[float]:
-    if len(numbers) not in (2, 3):
-        raise CaseError(f"{what} {text!r}: a range is from:to or from:to:step")
-    start, stop = numbers[:2]
-    if len(numbers) == 2 or stop <= start:
-        return [start, stop]
-    step = numbers[2]
-    if step <= 0:
-        raise CaseError(f"{what} {text!r}: the step must be above zero")
-    count = (stop - start) / step
-    if count > 10000:
-        raise CaseError(f"{what} {text!r} asks for {count:.0f} values; use a larger step")
-    inner = [start + step * i for i in range(math.floor(count * (1 - 1e-12)) + 1)]
-    return [*(value for value in inner if value < stop), stop]

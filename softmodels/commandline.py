@@ -14,11 +14,12 @@ import click
 from geometries import Actuator, GeometryError
 from geometries.options import QuantityType, device_from, device_options
 from measurement.units import WATER_DENSITY
-from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, series, sheet_from
+from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, sheet_from
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import MaterialError
 from softmodels.obstacle import STIFFNESS, Obstacle, ObstacleError
 from softmodels.parallel import StartError, speaks
+from softmodels.series import SeriesError, series
 from softmodels.supply import SupplyError
 from softmodels.supply_table import supply_from, supply_options
 
@@ -145,7 +146,7 @@ def execute(
     try:
         ready = case()
         _check_words(petsc)
-    except (CaseError, GeometryError, MaterialError, ObstacleError, SupplyError) as error:
+    except (CaseError, GeometryError, MaterialError, ObstacleError, SeriesError, SupplyError) as error:
         fail(str(error))
     from softmodels.running import run
 

@@ -18,7 +18,8 @@ from softmodels.equilibrium import NoConvergence
 from softmodels.stability import Signature
 
 if TYPE_CHECKING:
-    from softmodels.loading import Path, Point
+    from softmodels.loading import Path
+    from softmodels.points import Point
 
 Known = tuple[float, "Point"]
 """An eigenvalue and the state it belongs to."""

@@ -13,7 +13,8 @@ import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 
-from softmodels.loading import Path, PathEnd, Point, trace
+from softmodels.loading import Path, trace
+from softmodels.points import PathEnd, Point
 
 FARTHEST = 500.0
 """Cavity volumes up to which a second stable part is looked for: a balloon of eight times its radius."""

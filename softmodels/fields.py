@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from geometries.actuator import Vector
 from softmodels.contact import Walls
-from softmodels.equilibrium import Equilibrium, State
+from softmodels.discrete import State
+from softmodels.equilibrium import Equilibrium
 from softmodels.grid import Grid, displacement_maps
 from softmodels.materials import Material
 from softmodels.parallel import largest, total

@@ -9,11 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.controls import Control, pressure_control, volume_control
-from softmodels.equilibrium import Equilibrium, NoConvergence, State
+from softmodels.discrete import State
+from softmodels.equilibrium import Equilibrium, NoConvergence
 from softmodels.fit_problem import CannotEvaluate
 from softmodels.law_choice import LawChoice
-from softmodels.loading import Path, PathEnd, trace
+from softmodels.loading import Path, trace
 from softmodels.materials import Material, MaterialError
+from softmodels.points import PathEnd
 from softmodels.quadratic_curve import QuadraticCurve
 from softmodels.reshaping import Reshaping
 from softmodels.sensitivity import Rate, Sensitivity

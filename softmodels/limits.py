@@ -102,7 +102,8 @@ def find_limit(
 def _search(equations: Any, fields: Any) -> Limit:
     from softmodels.equilibrium import NoConvergence
     from softmodels.loading import Path as LoadPath
-    from softmodels.loading import PathEnd, trace
+    from softmodels.loading import trace
+    from softmodels.points import PathEnd
 
     path = LoadPath(equations)
     kind, why, last = "none", "", None

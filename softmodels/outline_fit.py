@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from measurement.column import DENSITY_ERROR
 from measurement.units import WATER_DENSITY
-from softmodels.equilibrium import State
+from softmodels.discrete import State
 from softmodels.fit_problem import CannotEvaluate, FitError, Parameter, Prior, Residuals
 from softmodels.fit_result import Fit
 from softmodels.fitting import fit

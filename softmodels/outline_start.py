@@ -15,8 +15,9 @@ import numpy.typing as npt
 from softmodels.equilibrium import NoConvergence
 from softmodels.fit_problem import CannotEvaluate
 from softmodels.inflation import Inflation
-from softmodels.loading import FARTHEST, Path, PathEnd, trace
+from softmodels.loading import FARTHEST, Path, trace
 from softmodels.outline_data import OutlineFitError
+from softmodels.points import PathEnd
 
 Array = npt.NDArray[np.float64]
 

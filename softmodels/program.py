@@ -17,7 +17,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from softmodels.drive import Drive
     from softmodels.equilibrium import Equilibrium
-    from softmodels.loading import Point
+    from softmodels.points import Point
 
 KEYS = {"pressure_cm": "cm", "volume_ml": "ml"}
 """What can be given of a cavity, as in the case file, with its unit."""

@@ -71,7 +71,7 @@ def stopped_at(results: Results, key: str, value: float) -> bool:
 def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     """The points a trace goes on from: the first limit point, the last one factorised at, and the last two."""
     from softmodels.equilibrium import Tangent
-    from softmodels.loading import Point
+    from softmodels.points import Point
     from softmodels.stability import Signature
 
     # A bifurcation is interpolated: the path did not go on from it.

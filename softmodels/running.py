@@ -7,7 +7,6 @@ value is not on the path (a limit point); 130 stopped by the user. Whatever happ
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import errno
 import os
 import signal
@@ -28,7 +27,7 @@ from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, pets
 from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
 from softmodels.resuming import check_same, check_values, drop_between, stopped_at, stored_points
-from softmodels.silicones import stretch_at_break
+from softmodels.rows import restart_of, row_of
 from softmodels.stability_report import unlocated, unseen
 
 FEWEST_STEPS = 12
@@ -149,7 +148,8 @@ def _follow(
     from softmodels.equilibrium import Equilibrium, NoConvergence
     from softmodels.fields import Fields
     from softmodels.loading import Path as LoadPath
-    from softmodels.loading import PathEnd, trace
+    from softmodels.loading import trace
+    from softmodels.points import PathEnd
 
     mesh = results.folder / f"{case.name}.msh"
     if not (resumed and mesh.exists()):
@@ -220,7 +220,7 @@ def _follow_program(
 ) -> str:
     """Take the device through its program, and write every state."""
     from softmodels.equilibrium import NoConvergence
-    from softmodels.loading import PathEnd
+    from softmodels.points import PathEnd
     from softmodels.program import follow
 
     on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
@@ -244,7 +244,7 @@ def _follow_branch(
     """Follow the branch at the first bifurcation into a folder of its own."""
     from softmodels.branching import follow
     from softmodels.equilibrium import NoConvergence
-    from softmodels.loading import PathEnd
+    from softmodels.points import PathEnd
 
     if not bifurcations:
         hidden = unseen(case.actuator)
@@ -276,91 +276,18 @@ def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
         raise RunError("stopped by the user; go on with --resume", STOPPED)
 
 
-def _driven(case: Case, fields: Any, figures: Any, point: Any) -> dict[str, float]:
-    """The syringe's columns of a row: its stroke, what the gas has taken up, and whether it holds the state."""
-    if case.supply is None:
-        return {}
-    eq = fields.equilibrium
-    cavity = fields.rest_volume * eq.volume_unit
-    curve = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
-    V, P = (cavity + figures.added_volume) / eq.volume_unit, figures.pressure / eq.stress_unit
-    stroke = curve.value(V, P) * eq.volume_unit
-    taken = {} if case.supply.leak else {
-        "gas_energy_mJ": case.supply.gas_energy(stroke, figures.added_volume, figures.pressure, cavity) * 1e3
-    }  # fmt: skip
-    held = point.stable_under(curve.line(V, P))
-    return {"stroke_ml": stroke * 1e6, **taken, "stroke_limit": int(point.turn), "stable_under_supply": int(held)}
-
-
-def _of_cavities(case: Case, figures: Any, come: float) -> dict[str, float]:
-    """The columns that tell of each cavity, where there are several."""
-    each = {
-        f"{what}_{i + 1}_{unit}": value * scale
-        for what, unit, values, scale in (
-            ("pressure", "cm", figures.cavity_pressures, 1 / case.cm),
-            ("added_volume", "ml", figures.cavity_volumes, 1e6),
-        )
-        for i, value in enumerate(values)
-    }
-    return {**({"load_step": come} if case.program else {}), **(each if len(figures.cavity_volumes) > 1 else {})}
-
-
 def _keep(
     case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any, come: float = 0.0
 ) -> None:
     """Write one point of the path; ``come`` is how many steps a program has come."""
     figures, nodal = fields.figures(point.state), fields.nodal(point.state)
-    limit = stretch_at_break(case.material)
-    restart = {
-        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
-        "turn": point.turn, "step": point.step,
-        "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
-        "iterations": point.state.iterations, "signature": dataclasses.asdict(point.signature),
-    }  # fmt: skip
     if point.bifurcation:
         mode = fields.shape(point.mode)
         nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
 
-    driven = _driven(case, fields, figures, point)
-    # Of a program's pressures the highest stands for all.
-    pressure = max(figures.cavity_pressures) if case.program else figures.pressure
-
     def write() -> None:
-        height = pressure / case.cm
-        if point.requested and case.pressures_cm:  # as it was typed, without the rounding of two conversions
-            height = min(case.pressures_cm, key=lambda asked: abs(asked - height))
-        row = {
-            "step": len(results.stored),
-            "pressure_cm": height,
-            "pressure_Pa": pressure,
-            "added_volume_ml": figures.added_volume * 1e6,
-            **driven,
-            **_of_cavities(case, figures, come),
-            **{f"{name}_mm": rise * 1e3 for name, rise in figures.rises.items()},
-            **figures.device,
-            "max_displacement_mm": figures.max_displacement * 1e3,
-            "max_stretch": figures.max_stretch,
-            **({} if limit is None else {"break_margin": limit / figures.max_stretch}),
-            **{f"max_stretch_{axis}_mm": at * 1e3 for axis, at in zip("xyz", figures.max_stretch_at, strict=True)},
-            "max_von_mises_kPa": figures.max_von_mises / 1e3,
-            "J_min": figures.J_min,
-            "J_max": figures.J_max,
-            "newton_iterations": point.state.iterations,
-            "stored_energy_mJ": figures.stored_energy * 1e3,
-            "walls_touch": int(fields.walls.met(nodal["displacement"]) is not None),
-            "requested": int(point.requested),
-            "limit": int(point.limit),
-            "jump": int(point.jump),
-            "bifurcation": int(point.bifurcation),
-            "stable_under_pressure": int(point.stable_under_pressure),
-            "stable_under_volume": int(point.stable_under_volume),
-            "falling_directions": point.signature.excess,
-            "lowest_eigenvalue_Pa_per_mm2": point.signature.lowest
-            * fields.equilibrium.stress_unit
-            / (fields.equilibrium.length_unit * 1e3) ** 2,
-            "following": point.line,
-        }
-        results.add(row, nodal, restart)
+        row = row_of(case, fields, point, figures, nodal, len(results.stored), come)
+        results.add(row, nodal, restart_of(point))
         progress.step(row, row[case.column])
 
     on_root(comm, write)

@@ -22,7 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.controls import Control
-from softmodels.equilibrium import Equilibrium, State, Tangent
+from softmodels.discrete import State
+from softmodels.equilibrium import Equilibrium, Tangent
 from softmodels.materials import Material
 from softmodels.reshaping import Reshaping
 from softmodels.specimens import nudged, parameter_names

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.body import BodyError
-from softmodels.equilibrium import Equilibrium, State
+from softmodels.discrete import State
+from softmodels.equilibrium import Equilibrium
 from softmodels.grid import Grid, displacement_maps
 from softmodels.parallel import everywhere
 from softmodels.quadratic_curve import QuadraticCurve

@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.equilibrium import Equilibrium, NoConvergence, State
+from softmodels.discrete import State
+from softmodels.equilibrium import Equilibrium, NoConvergence
 
 ALWAYS = 6000
 """Unknowns up to which every point is factorised: it costs no more there than the iterations it saves."""

@@ -147,7 +147,8 @@ def follow(equations: Any, goal: float, *settings: Any) -> tuple[list[Any], Exce
     """All points of a path to a goal, and what ended it before that."""
     from softmodels.equilibrium import NoConvergence
     from softmodels.loading import Path as LoadPath
-    from softmodels.loading import PathEnd, trace
+    from softmodels.loading import trace
+    from softmodels.points import PathEnd
 
     points: list[Any] = []
     try:
@@ -167,7 +168,7 @@ def supply_of(trial: Trial, equations: Any) -> Any:
 
 def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
     """How the path of a trial ends, in a word, and its points."""
-    from softmodels.loading import PathEnd
+    from softmodels.points import PathEnd
 
     goal = trial.goal * (1.0 if trial.quantity == "pressure" else equations.rest().V)
     settings = trial.control, trial.quantity, math.inf, supply_of(trial, equations)

@@ -41,9 +41,10 @@ from softmodels.body import Body
 from softmodels.equilibrium import Equilibrium
 from softmodels.fields import Fields
 from softmodels.loading import Path as LoadPath
-from softmodels.loading import PathEnd, trace
+from softmodels.loading import trace
 from softmodels.materials import Yeoh
 from softmodels.parallel import start
+from softmodels.points import PathEnd
 from softmodels.silicones import SILICONES
 
 PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"

@@ -8,8 +8,9 @@ import itertools
 import pytest
 
 from geometries import HollowDisk
-from softmodels.case import Case, CaseError, series
+from softmodels.case import Case, CaseError
 from softmodels.materials import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.series import series
 from softmodels.silicones import SILICONES
 
 # Numbers that no short text holds: a round trip must not cost them a bit.

@@ -410,7 +410,8 @@ def solved(equilibrium):
 
     The points end where the path does; `PathEnd` is the third value then, else None.
     """
-    from softmodels.loading import Path, PathEnd, trace
+    from softmodels.loading import Path, trace
+    from softmodels.points import PathEnd
 
     def solve(equations, goals, control="auto", quantity="pressure", **options):
         path = Path(equations, control, quantity, **options)

@@ -35,8 +35,9 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
     from softmodels.equilibrium import Equilibrium
     from softmodels.fields import Fields
     from softmodels.loading import Path as LoadPath
-    from softmodels.loading import PathEnd, trace
+    from softmodels.loading import trace
     from softmodels.materials import NeoHookean, Yeoh
+    from softmodels.points import PathEnd
 
     found = {}
     for name, device, file in (("wedge", WEDGE, wedge), ("slab", SLAB, slab)):

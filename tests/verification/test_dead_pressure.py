@@ -8,8 +8,9 @@ from scipy.optimize import brentq
 
 from softmodels.dead_pressure import cycle
 from softmodels.homogeneous import balloon_pressure
-from softmodels.loading import Path, PathEnd
+from softmodels.loading import Path
 from softmodels.materials import NeoHookean, Yeoh
+from softmodels.points import PathEnd
 
 THIN = 0.01
 RUBBER = Yeoh(50e3, 150.0, 12.0, 0.5)
