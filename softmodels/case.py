@@ -118,7 +118,9 @@ class Case:
             except ObstacleError as error:
                 raise CaseError(str(error)) from None
         if self.formulation == "displacement" and math.isinf(self.material.bulk):
-            raise CaseError("poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed")
+            raise CaseError(
+                "poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed, or --poisson 0.49"
+            )
         if self.formulation == "mixed" and self.material.bulk <= 0.0:
             raise CaseError(
                 f"poisson = {self.material.poisson:g} leaves {self.material.name} no stiffness of volume, which the mixed "

@@ -14,6 +14,9 @@ from softmodels.materials import Material, Yeoh
 MARECHAL = "uniaxial data of Marechal et al. 2021, Soft Robotics 8(3):284, doi 10.1089/soro.2019.0115"
 LIAO = "uniaxial first cycle of Liao, Yang & Hossain 2021, Int. J. Mech. Sci. 206:106624, doi 10.1016/j.ijmecsci.2021.106624"
 
+RUBBER = 0.5
+"""Poisson's ratio: rubber's bulk modulus is some 1e5 times its shear modulus, and the fits take it for incompressible."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Silicone:
@@ -35,13 +38,13 @@ class Silicone:
 
 def _marechal(c1: float, c2: float, elongation: float, top: float = 3.0, c3: float = 0.0) -> Silicone:
     """Least squares on the nominal stress (Pa), c2 and c3 not below zero so that the law stays stable."""
-    return Silicone(Yeoh(c1, c2, c3), (1.02, top), MARECHAL, elongation)
+    return Silicone(Yeoh(c1, c2, c3, RUBBER), (1.02, top), MARECHAL, elongation)
 
 
 SILICONES: dict[str, Silicone] = {
     "ecoflex-00-10": _marechal(3670.0, 126.0, 17.09),
     "ecoflex-00-30": _marechal(7859.0, 94.3, 16.07),
-    "ecoflex-00-30-liao": Silicone(Yeoh(13892.0, 61.2, 29.5), (1.0, 3.01), LIAO),
+    "ecoflex-00-30-liao": Silicone(Yeoh(13892.0, 61.2, 29.5, RUBBER), (1.0, 3.01), LIAO),
     "ecoflex-00-35-fast": _marechal(13590.0, 515.0, 6.23),
     "ecoflex-00-50": _marechal(10740.0, 231.0, 16.41),
     "dragon-skin-10-medium": _marechal(21850.0, 2753.0, 10.41, 2.0),

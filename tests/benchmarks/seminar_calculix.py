@@ -188,7 +188,7 @@ def main() -> None:
     args = parser.parse_args()
     slab = SeminarActuator(around=args.around, cell_size=1e-3 * args.cell_size, channels=args.channels)
     pressures = [height * pascal_per_cm() for height in args.pressures_cm]
-    law = SILICONES["ecoflex-00-30"].material
+    law = dataclasses.replace(SILICONES["ecoflex-00-30"].material, poisson=0.49)
     assert isinstance(law, Yeoh)
     print(
         "| program | cm | tip x, mm | tip z, mm | added, ml | lift off CalculiX | added off CalculiX | seconds in all |"

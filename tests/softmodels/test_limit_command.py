@@ -42,7 +42,7 @@ def test_a_table_of_materials_with_margins(runs, tmp_path):
     assert [row["material"] for row in rows] == ["ecoflex-00-30", "dragon-skin-20"]
     for row in rows:
         assert row["margin"] == pytest.approx(row["limit_cm"] / 10) and f"{row['limit_cm']:.4g} cm" in done.out
-    assert rows[1]["limit_cm"] > 3 * rows[0]["limit_cm"] and "--angle 180" in done.out
+    assert rows[1]["limit_cm"] > 3 * rows[0]["limit_cm"] and "--angle 360deg" in done.out
 
 
 def test_tolerances_scatter_the_limit(runs, tmp_path):
