@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from geometries import Actuator
 from softmodels.pages import BRANCH, CURVE, DPI, EDGE, LINES, WARNING, WIDTH, Array, Row, number
+from softmodels.stability_report import jumped_over
 from softmodels.triangles import parabolas
 
 FEW = 2
@@ -72,7 +73,8 @@ def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row]) ->
     """Curve, steps, requested values and jumps of a path over the pressure, and the branch that leaves it."""
     places = np.array([[row["pressure_cm"], row[column]] for row in rows])
     jumps = [k for k, row in enumerate(rows) if row.get("jump")]
-    held = np.array([bool(row.get("stable_under_supply", True)) for row in rows])
+    held = np.ones(len(rows), dtype=bool)
+    held[jumped_over(rows)] = False
     # With a syringe the states that are jumped over are on the path too.
     parts = [places] if not held.all() else np.split(places, jumps)
     for k, part in enumerate(parts):

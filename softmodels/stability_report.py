@@ -18,6 +18,17 @@ def events(rows: Sequence[Row]) -> list[dict[str, Any]]:
     return [{"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)]
 
 
+def jumped_over(rows: Sequence[Row]) -> list[int]:
+    """Which states of a path a syringe jumps over: those that its gas does not hold, and all up to where it lands."""
+    found, falling = [], False
+    for k, row in enumerate(rows):
+        falling = falling and not row["jump"]
+        if falling or not row.get("stable_under_supply", 1):
+            found.append(k)
+        falling = falling or bool(row.get("stroke_limit"))
+    return found
+
+
 def unseen(actuator: Actuator) -> str:
     """What a symmetric slice cannot show, and how to see it; empty for a whole device."""
     if actuator.dimension == 2:
@@ -62,11 +73,11 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row
         count = last["falling_directions"]
         text = f"unstable: the energy falls in {count} direction{'s' if count > 1 else ''}"
     text = f"the last state is {text}"
-    lost = [row for row in rows if not row.get("stable_under_supply", 1)]
+    lost = [rows[k] for k in jumped_over(rows)]
     if lost:
         text += (
             f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the gas of this syringe no longer "
-            f"holds the device, which jumps over {len(lost)} of the states (stable_under_supply in path.csv)"
+            f"holds the device, which jumps over {len(lost)} of the states (stroke_limit and jump in path.csv)"
         )
     if found:
         at = ", ".join(f"{row['pressure_cm']:.4g} cm ({row['added_volume_ml']:.4g} ml)" for row in found)

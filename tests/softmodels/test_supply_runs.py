@@ -10,6 +10,7 @@ import pytest
 from geometries import HollowDisk
 from softmodels.case import Case
 from softmodels.materials import NeoHookean
+from softmodels.stability_report import jumped_over
 from softmodels.supply import Syringe
 
 SHADOW = ("--variant", "shadow", "--support", "base", "--quiet")
@@ -57,3 +58,12 @@ def test_a_case_with_a_syringe_survives_its_file():
     assert Case.from_toml(case.to_toml()) == case
     cycle = Case("disk", HollowDisk(), NeoHookean(30e3), pressures_cm=(10.0,), cycle=True)
     assert Case.from_toml(cycle.to_toml()) == cycle
+
+
+def test_states_that_a_syringe_jumps_over():
+    """All between the stroke's limit point and the landing, held or not; with no landing all to the end."""
+    told = [(1, 0, 0), (1, 1, 0), (0, 0, 0), (1, 0, 0), (1, 0, 1), (1, 0, 0)]
+    rows = [dict(zip(("stable_under_supply", "stroke_limit", "jump"), row, strict=True)) for row in told]
+    assert jumped_over(rows) == [2, 3]
+    assert jumped_over(rows[:4]) == [2, 3] and jumped_over(rows[:2]) == []
+    assert jumped_over([{"jump": 0}, {"jump": 1}]) == []
