@@ -75,8 +75,8 @@ def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row]) ->
     jumps = [k for k, row in enumerate(rows) if row.get("jump")]
     held = np.ones(len(rows), dtype=bool)
     held[jumped_over(rows)] = False
-    # With a syringe the states that are jumped over are on the path too.
-    parts = [places] if not held.all() else np.split(places, jumps)
+    # Of a syringe's jump the states that are jumped over are on the path too.
+    parts = np.split(places, [k for k in jumps if held[k - 1]])
     for k, part in enumerate(parts):
         axes.plot(*smooth(part).T, color=CURVE, label="" if k else "simulated path")
     axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
