@@ -6,8 +6,8 @@
 Equations come from the cache (run once before to fill it). The split is PETSc's own log, as -log_view prints it, with the
 assembly in events of its own; events overlap where one calls another, and "other" is what is left. The largest rank counts.
 
-Measured on two cores (88,570 unknowns, 8 states, 20 Newton iterations, tip 14.842 mm): the path takes 34 s on two ranks, 55 s on
-one. Back-substitutions take 51 to 55 % of path and figures (458 of them against 4 factorisations, which take 16 %), products
+Measured on two cores (88,570 unknowns, 8 states, 20 Newton iterations, tip 14.842 mm): the path takes 34 s on two ranks, 55 s
+on one. Back-substitutions take 51 to 55 % of path and figures (458 of them against 4 factorisations, which take 16 %), products
 with the tangent and vectors 21 to 24 %, the figures of the states 16 % (the tip's stiffness is a solve of its own). A
 factorisation with its assembly costs about as much as 27 iterations of GMRES on one rank.
 """
