@@ -76,6 +76,11 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
         click.echo(_sentence(row, found, device))
     if hidden := unseen(device):
         click.echo(f"note: {hidden}")
+    if len(device.ratios) > 1:
+        how = "in its ratios" if device.ratios != (1.0,) * len(device.ratios) else "the same"
+        click.echo(
+            f"note: the pressure is that of all {len(device.ratios)} cavities, {how}; softmodels run takes a series for each"
+        )
     if spread:
         click.echo(_scatter_text(spread, tolerances, cm, working_cm))
     if output is not None or spread:

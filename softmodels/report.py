@@ -39,6 +39,8 @@ CAPTIONS = {
     "mesh.png": "The mesh",
 }
 """Pictures in the order of the page, with what they show."""
+ROUNDING = 1e-12
+"""What is smaller, in the columns' units, is nothing but rounding errors."""
 REPORT = "report.html"
 
 
@@ -127,6 +129,8 @@ def _words(column: str) -> str:
     units = {"cm", "mm", "ml", "Pa", "kPa", "mJ", "N", "deg"}
     if column.endswith("_N_per_m"):
         stem, unit = column.removesuffix("_N_per_m"), "N/m"
+    elif column.endswith("_Pa_per_mm2"):
+        stem, unit = column.removesuffix("_Pa_per_mm2"), "Pa/mm²"
     elif column.endswith("_per_m"):
         stem, unit = column.removesuffix("_per_m"), "1/m"
     elif unit not in units:
@@ -136,7 +140,7 @@ def _words(column: str) -> str:
 
 def _shown(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:.6g}"
+        return f"{value:.6g}" if abs(value) > ROUNDING else "0"
     return html.escape("" if value is None else str(value))
 
 
