@@ -96,7 +96,9 @@ def _sections(states: States, out: Folder) -> None:
     points, moved, cells = states.points, states.moved(step), states.cells
     out.save("mesh", sections.section_mesh(points, cells))
     values = states.field(step, "von_mises_stress")
-    out.save("slice", sections.section_stress(points, moved, cells, values, states.rows[step], gauge))
+    obstacle = states.case.obstacle
+    plate = None if obstacle is None else obstacle.place(states.actuator)[0][2]
+    out.save("slice", sections.section_stress(points, moved, cells, values, states.rows[step], gauge, plate))
     stretch, limit, hot = stills.hottest(states, step)
     title = stills.hot_title(states, limit)
     if (at := states.bifurcation) is not None:

@@ -29,7 +29,9 @@ def section_mesh(points: Array, cells: Cells) -> Figure:
     return figure
 
 
-def section_stress(points: Array, moved: Array, cells: Cells, values: Array, row: Row, gauge: str) -> Figure:
+def section_stress(
+    points: Array, moved: Array, cells: Cells, values: Array, row: Row, gauge: str, plate: float | None = None
+) -> Figure:
     """The deformed half section coloured by stress, over the outline of the undeformed one.
 
     Args:
@@ -39,6 +41,7 @@ def section_stress(points: Array, moved: Array, cells: Cells, values: Array, row
         values: Von Mises stress in Pa, shape (n,).
         row: The state's row of ``path.csv``.
         gauge: The device's `Actuator.gauge`.
+        plate: Height of a rigid plane that stops it, m.
     """
     before, after, stress = points[:, ::2] * 1e3, moved[:, ::2] * 1e3, Scale(values)
     figure, axes = _section(np.concatenate([before, after]), 0.95)
@@ -47,7 +50,9 @@ def section_stress(points: Array, moved: Array, cells: Cells, values: Array, row
     axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=0.0, vmax=stress.top)
     for shown, colour in ((after, INK), (before, FAINT)):
         axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.0))
-    axes.set_title(headline(row, gauge))
+    if plate is not None:
+        axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
+    axes.set_title(headline(row, gauge) + ("" if plate is None else "; the rigid plane dashed"))
     height = figure.get_figheight()
     stress.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
     return figure

@@ -124,7 +124,7 @@ def test_a_stiffer_plane_is_sunk_into_less_and_presses_as_much(body_of, solved):
         assert end is None
         found[stiffness] = Fields(equations).figures(points[-1].state).device
     soft, stiff = found[100.0], found[400.0]
-    assert soft["contact_depth_mm"] < 0.01 * SECTION.size * 1e3 and Obstacle("top", "z = 17 mm").stiffness == 100.0
+    assert soft["contact_depth_mm"] < 0.01 * SECTION.size * 1e3
     assert soft["contact_depth_mm"] / stiff["contact_depth_mm"] == pytest.approx(4.0, rel=0.25)
     assert soft["contact_force_N"] == pytest.approx(stiff["contact_force_N"], rel=0.05)
 
