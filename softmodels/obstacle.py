@@ -29,8 +29,8 @@ from softmodels.parallel import largest
 
 STIFFNESS = 300.0
 """Shear moduli of pressure per penetration of one size of the device: a contact pressure of one shear modulus, more than
-soft actuators take, sinks in by 0.3 % of the size. Of the default disk under a plate the force is 0.2 % short of a rigid one's; 1000 takes half
-as many iterations more."""
+soft actuators take, sinks in by 0.3 % of the size. The default disk presses on a plate with 0.2 % less than on a rigid one;
+1000 takes half as many iterations more."""
 SOFTEST, STIFFEST = 1.0, 1e5
 ONSET = 1e-3
 """Depth over which the contact sets in, in sizes of the device."""

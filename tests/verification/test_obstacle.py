@@ -116,7 +116,7 @@ def test_works_balance(pressed):
 
 
 def test_a_stiffer_plane_is_sunk_into_less_and_presses_as_much(body_of, solved):
-    """The default sinks in by less than 1 % of the size at a contact pressure below one shear modulus."""
+    """100 sinks in by less than 1 % of the size at a contact pressure below one shear modulus."""
     found = {}
     for stiffness in (100.0, 400.0):
         equations = Equilibrium(body_of(SECTION), RUBBER, obstacle=Obstacle("top", "z = 17 mm", stiffness))
