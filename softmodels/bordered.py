@@ -148,7 +148,8 @@ class Bordered:
         matrix[0, 0] += self.control.pressure
         opened = np.array([row.dot(self._y) for row in rows])
         opened[0] *= a
-        pressures = np.linalg.solve(matrix, gaps - opened)
+        # Most devices have one cavity, and this is called for every iteration.
+        pressures = (gaps - opened) / matrix[0] if self.scalars == 1 else np.linalg.solve(matrix, gaps - opened)
         for pressure, lifted in zip(pressures, self._lifted, strict=True):
             self._y.axpy(pressure, lifted)
         self.join(y, self._y.array_r, pressures)

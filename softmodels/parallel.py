@@ -60,7 +60,7 @@ def owns_scalars(comm: Any) -> bool:
 
 def scalars_from_owner(comm: Any, values: Any) -> Any:
     """The owner's array, on all ranks."""
-    return comm.bcast(values, root=comm.size - 1)
+    return values if comm.size == 1 else comm.bcast(values, root=comm.size - 1)
 
 
 def on_root[T](comm: Any, task: Callable[[], T]) -> T:
