@@ -73,14 +73,18 @@ class Equilibrium(Discrete):
         self._set_pressures(float(scalars[0]), scalars[1:])
         return float(scalars[0])
 
-    def take_over(self, drive: Drive, state: State) -> State:
+    def take_over(self, drive: Drive, state: State, pressures: npt.NDArray[np.float64]) -> State:
         """Drive the cavities another way from a state on.
+
+        Args:
+            drive: The new way.
+            state: The state; of its pressures nothing is read.
+            pressures: Those of the cavities there, shape (k,).
 
         Returns:
             The same state as the new drive counts it, with P = 0.
         """
-        self.load(state)
-        pressures, held = self.pressures, len(self.drive.held)
+        held = len(self.drive.held)
         self.drive = drive
         if len(drive.held) != held:
             self._drop_solver()

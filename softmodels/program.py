@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
+    from softmodels.discrete import State
     from softmodels.drive import Drive
     from softmodels.equilibrium import Equilibrium
     from softmodels.points import Point
@@ -124,6 +125,14 @@ def changes(program: Program) -> npt.NDArray[np.float64]:
     return np.diff(values, axis=0, prepend=0.0)
 
 
+def goes_on(program: Program, old: Program) -> bool:
+    """Whether a program is another one, or that and more steps."""
+    return len(program) == len(old) and all(
+        new.key == before.key and new.values[: len(before.values)] == before.values
+        for new, before in zip(program, old, strict=True)
+    )
+
+
 def to_tables(program: Program) -> dict[str, Any]:
     return {f"cavity{i + 1}": {series.key: list(series.values)} for i, series in enumerate(program)}
 
@@ -137,8 +146,22 @@ def step_text(program: Program, number: int) -> str:
     )
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stop:
+    """Where a program has come to the end of a step: its number, the state, and the cavities' pressures (dimensionless)."""
+
+    number: int
+    state: State
+    pressures: npt.NDArray[np.float64]
+
+
 def follow(
-    equilibrium: Equilibrium, program: Program, pascal_per_cm: float, control: str, report: Callable[[str], None]
+    equilibrium: Equilibrium,
+    program: Program,
+    pascal_per_cm: float,
+    control: str,
+    report: Callable[[str], None],
+    begin: Stop | None = None,
 ) -> Iterator[tuple[float, Point]]:
     """Take a device through a program.
 
@@ -148,6 +171,7 @@ def follow(
         pascal_per_cm: Pa in one cm of the column.
         control: What each step follows, as in `Path`.
         report: Takes sentences on what is going on.
+        begin: The end of a step to go on from; the undeformed state if None.
 
     Yields:
         How far the program has come (1.5 is half way through the second step), and its point.
@@ -164,18 +188,23 @@ def follow(
     ]
     held = [i for i, series in enumerate(program) if series.is_volume]
     first, before = int(begins_at_rest(program)), np.zeros(len(program))
+    here = begin or Stop(0, state, eq.pressures_at(state))
     for number, row in enumerate(values[first:], 1):
-        drive, quantity, goal = _step(eq.pressures_at(state), row - before, held, rest + before)
-        start = eq.take_over(drive, state)
+        if number <= here.number:
+            before = row
+            continue
+        drive, quantity, goal = _step(here.pressures, row - before, held, rest + before)
+        start = eq.take_over(drive, here.state, here.pressures)
         path = Path(eq, control, quantity, goal / POINTS_PER_STEP, start=start)
         path.report = report
         for place, point in enumerate(trace(path, [goal])):
             if place:
                 come = float(number) if point.requested else number - 1 + path.value(point.state) / goal
                 yield come, point
-            elif number == 1:
+            elif number == 1 and begin is None:
                 yield 0.0, dataclasses.replace(point, requested=bool(first))
-        state, before = path.last.state, row
+        before, last = row, path.last.state
+        here = Stop(number, last, eq.pressures_at(last))
 
 
 def _step(

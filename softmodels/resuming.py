@@ -12,6 +12,7 @@ import numpy as np
 from softmodels.case import Case
 from softmodels.outcomes import BAD_INPUT, RunError
 from softmodels.parallel import is_root, on_root
+from softmodels.program import Stop, goes_on
 from softmodels.results import Results
 
 
@@ -25,6 +26,11 @@ def check_same(case: Case, old: Case, folder: Path) -> None:
                 f"{folder} holds a run with another {field}; resume with its options, or run without --resume",
                 BAD_INPUT,
             )
+    if not goes_on(case.program, old.program):
+        raise RunError(
+            f"{folder} holds a run of other steps; resume with those, more after them if need be, or run without --resume",
+            BAD_INPUT,
+        )
     if old.quantity != case.quantity:
         raise RunError(
             f"{folder} holds a run to requested {old.quantity}s; resume with those, or run without --resume", BAD_INPUT
@@ -37,6 +43,10 @@ def drop_between(case: Case, results: Results) -> None:
     They are found again, with that step. Going on from one of them would cut the path into other steps.
     """
     quantity = case.quantity
+    if case.program:  # a step of a program is gone on with from its beginning
+        while results.stored and not results.stored[-1].row["requested"]:
+            results.stored.pop()
+        return
     while results.stored:
         row = results.stored[-1].row
         if not (
@@ -61,6 +71,17 @@ def check_values(case: Case, results: Results) -> None:
                 "resume with its values, or run without --resume",
                 BAD_INPUT,
             )
+
+
+def last_stop(case: Case, results: Results, fields: Any, comm: Any) -> Stop:
+    """The end of a program's step that the stored states end with."""
+    row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
+    nodal = results.fields(len(results.stored) - 1, ("displacement", "p")) if is_root(comm) else None
+    count = len(case.program)
+    names = [f"pressure_{i}_cm" for i in range(1, count + 1)] if count > 1 else ["pressure_cm"]
+    unit = fields.equilibrium.stress_unit
+    pressures = np.array([row[name] * case.cm / unit for name in names])
+    return Stop(round(row["load_step"]), fields.state(nodal, record["P"], record["V"]), pressures)
 
 
 def stopped_at(results: Results, key: str, value: float) -> bool:

@@ -26,7 +26,7 @@ from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, STOPPED
 from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, start
 from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
-from softmodels.resuming import check_same, check_values, drop_between, stopped_at, stored_points
+from softmodels.resuming import check_same, check_values, drop_between, last_stop, stopped_at, stored_points
 from softmodels.rows import restart_of, row_of
 from softmodels.stability_report import unlocated, unseen
 
@@ -121,9 +121,8 @@ def _prepare(case: Case, results: Results, resume: bool) -> bool:
     folder, file = results.folder, results.folder / "case.toml"
     if resume and file.exists():
         check_same(case, Case.from_file(file), folder)
-        if (case.cycle or case.program) and results.heavy.exists():
-            what = "a run with --cycle" if case.cycle else "a run with a series for each cavity"
-            raise RunError(f"{what} cannot be gone on with; run it without --resume", BAD_INPUT)
+        if case.cycle and results.heavy.exists():
+            raise RunError("a run with --cycle cannot be gone on with; run it without --resume", BAD_INPUT)
         if results.heavy.exists():
             results.load()
             drop_between(case, results)
@@ -173,7 +172,7 @@ def _follow(
     if case.program:
         if branch:
             progress.say("--branch does not follow programs; it is left out")
-        return _follow_program(case, results, fields, comm, progress, stopped)
+        return _follow_program(case, results, fields, comm, progress, stopped, resumed)
     scale = equilibrium.stress_unit if case.pressures_cm else equilibrium.volume_unit
     goals = [goal / scale for goal in case.goals]
     supply = None
@@ -216,17 +215,22 @@ def _lost(failure: Exception) -> RunError:
 
 
 def _follow_program(
-    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: list[int]
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: list[int], resumed: bool
 ) -> str:
     """Take the device through its program, and write every state."""
     from softmodels.equilibrium import NoConvergence
     from softmodels.points import PathEnd
     from softmodels.program import follow
 
-    on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
-    come = 0.0
+    begin, come = None, 0.0
+    if resumed:
+        begin = last_stop(case, results, fields, comm)
+        come = float(begin.number)
+        progress.say(f"going on from step {begin.number} of the program")
+    else:
+        on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
     try:
-        for come, point in follow(fields.equilibrium, case.program, case.cm, case.control, progress.say):
+        for come, point in follow(fields.equilibrium, case.program, case.cm, case.control, progress.say, begin):
             _keep(case, results, fields, comm, progress, point, come)
             _stop_if_asked(comm, stopped)
     except PathEnd as end:

@@ -6,6 +6,8 @@ import shutil
 
 import pytest
 
+from softmodels.results import Results
+
 CASE = """
 name = "pair"
 [geometry]
@@ -49,8 +51,31 @@ def test_a_program_runs_and_says_what_each_cavity_has(program, runs, tmp_path):
     assert last["pressure_cm"] == pytest.approx(max(last["pressure_1_cm"], last["pressure_2_cm"]))
     assert last["added_volume_ml"] == pytest.approx(last["added_volume_1_ml"] + last["added_volume_2_ml"])
     assert f"cavity1 40 cm, cavity2 {last['pressure_2_cm']:.6g} cm: tip" in done.out
-    again = program(load, "--no-pictures", "--resume")
-    assert again.status == 2 and "cannot be gone on with" in again.err
+
+
+def test_a_program_goes_on_from_its_last_step(program, runs, tmp_path):
+    """Ended after a step, or in the middle of one, it comes to the states of a program that was never interrupted."""
+    series = (("cavity1.pressure_cm", "[40, 40, 20]"), ("cavity2.volume_ml", "[0, 0.03, 0.03]"))
+    whole = "".join(f"{key} = {values}\n" for key, values in series)
+    assert program(whole, "--no-pictures", "--quiet").status == 0
+    wanted = runs.rows(tmp_path / "out")
+    shutil.rmtree(tmp_path / "out")
+    part = "".join(f"{key} = {values.rsplit(',', 1)[0]}]\n" for key, values in series)
+    assert program(part, "--no-pictures", "--quiet").status == 0
+    # As if it had been killed two states into the second step.
+    results = Results(tmp_path / "out", "pair")
+    results.load()
+    results.stored = results.stored[:-2]
+    results.finish()
+    other = program(whole.replace("40, 40", "50, 50"), "--no-pictures", "--quiet", "--resume")
+    assert other.status == 2 and "other steps" in other.err
+    done = program(whole, "--no-pictures", "--resume")
+    assert done.status == 0 and "going on from step 1 of the program" in done.err
+    found = runs.rows(tmp_path / "out")
+    assert len(found) == len(wanted) and [row["step"] for row in found] == list(range(len(found)))
+    for row, expected in zip(found, wanted, strict=True):
+        for name in ("load_step", "pressure_1_cm", "pressure_2_cm", "added_volume_1_ml", "tip_mm", "stored_energy_mJ"):
+            assert row[name] == pytest.approx(expected[name], rel=1e-8, abs=1e-10), name
 
 
 def test_a_program_that_meets_a_limit_says_which_step_and_where(program, runs, tmp_path):
