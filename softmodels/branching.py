@@ -9,7 +9,6 @@ pressure do. Once two states foretell the third, arc lengths lead on.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy.typing as npt
 
 from softmodels.controls import arc_length
 from softmodels.discrete import State
-from softmodels.equilibrium import NoConvergence, Tangent
+from softmodels.equilibrium import NoConvergence
 from softmodels.loading import Path
 from softmodels.points import PathEnd, Point, predict
 from softmodels.stability import Mode
@@ -81,7 +80,7 @@ class Branch:
         eq.factorise(state)
         signature = path.stability.signature(exact=True)
         t = path.tangent(state)
-        tangent = t if self.sign * self.mode.share(t.w) > 0 else Tangent(-t.w, -t.P, -t.V)
+        tangent = t if self.sign * self.mode.share(t.w) > 0 else -t
         step = self._distance(path.last.state, state) if path.points else path.first_steps["arc-length"]
         return dataclasses.replace(
             self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=eq.age,
@@ -90,7 +89,8 @@ class Branch:
 
     def _distance(self, a: State, b: State) -> float:
         """Arc length between two states in the plane of volume and pressure."""
-        return math.hypot((b.V - a.V) / self.path.V_scale, (b.P - a.P) / self.path.P_scale)
+        change = (b.V - a.V, b.P - a.P)
+        return self.path.product(change, change) ** 0.5
 
     def foretold(self, known: list[Point], found: Point) -> bool:
         """Whether two points of the branch foretell a third well enough to go on by arc lengths."""
@@ -98,9 +98,7 @@ class Branch:
         path, new = self.path, found.state
         line = arc_length(s.V, s.P, t.V, t.P, 0.0, path.V_scale, path.P_scale)
         line = line.at(line.value(new.V, new.P))
-        forward = all(
-            p.tangent.V * t.V / path.V_scale**2 + p.tangent.P * t.P / path.P_scale**2 > 0 for p in (*known, found)
-        )
+        forward = all(path.product((p.tangent.V, p.tangent.P), (t.V, t.P)) > 0 for p in (*known, found))
         if len(known) < 2 or not forward or line.target <= line.value(s.V, s.P):
             return False
         amount = self.amount(new.w)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import subprocess
 import sys
 import time
@@ -17,6 +16,7 @@ from softmodels.case import Case
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.program import step_text
 from softmodels.results import Results, write_text
+from softmodels.rows import cavity_columns
 from softmodels.silicones import SILICONES, named, stretch_at_break
 from softmodels.stability_report import events, stability_text
 
@@ -60,12 +60,12 @@ def explain_step(case: Case, end: Any, rows: Sequence[Mapping[str, Any]], come: 
     """The same of a program's step."""
     number = math.floor(come) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
-    count = len(case.program)
+    pressures, volumes = cavity_columns(at, "pressure", "cm"), cavity_columns(at, "added_volume", "ml")
+    names = [f"cavity{i} at " for i in range(1, len(pressures) + 1)] if len(pressures) > 1 else [""]
     place = ", ".join(
-        f"cavity{i} at {at[f'pressure_{i}_cm']:.4g} cm with {at[f'added_volume_{i}_ml']:.4g} ml added" if count > 1 else
-        f"{at['pressure_cm']:.4g} cm with {at['added_volume_ml']:.4g} ml added"
-        for i in range(1, count + 1)
-    )  # fmt: skip
+        f"{name}{at[pressure]:.4g} cm with {at[volume]:.4g} ml added"
+        for name, pressure, volume in zip(names, pressures, volumes, strict=True)
+    )
     asked = f"step {number} of the program ({step_text(case.program, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
@@ -101,11 +101,8 @@ def contact_notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def depth_notes(case: Case, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """A sentence where faces have sunk deep into the plane that stops them."""
-    deepest, most = (
-        max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0),
-        DEEPEST * case.actuator.size * 1e3,
-    )
-    if case.obstacle is None or deepest <= most:
+    deepest = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0)
+    if case.obstacle is None or deepest <= DEEPEST * case.actuator.size * 1e3:
         return []
     return [
         f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
@@ -126,10 +123,10 @@ def volume_note(row: Mapping[str, Any]) -> str:
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Gather the results, draw them, say how it ended."""
     stored, took = results.stored, None
-    notes = _notes(case, results) if stored and status != BAD_INPUT else []
+    notes = notes_of(case, results) if stored and status != BAD_INPUT else []
     if stored and status != BAD_INPUT:
         try:
-            gather(case, results, status, message)
+            gather(case, results, status, message, notes)
             if draw and status in (DONE, NO_EQUILIBRIUM):
                 if not quiet:
                     print("drawing pictures, film and report (--no-pictures leaves them out)", file=sys.stderr)
@@ -166,8 +163,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
 
 
 def _loaded(row: Mapping[str, Any]) -> str:
-    cavities = [name for name in row if re.fullmatch(r"pressure_\d+_cm", name)]
-    if "load_step" in row and cavities:
+    cavities = cavity_columns(row, "pressure", "cm")
+    if "load_step" in row and len(cavities) > 1:
         return ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1))
     return f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa)"
 
@@ -176,8 +173,8 @@ def _presses(row: Mapping[str, Any]) -> str:
     return f", contact force {row['contact_force_N']:.4g} N" if "contact_force_N" in row else ""
 
 
-def gather(case: Case, results: Results, status: int, message: str) -> None:
-    """Bring all steps into one file and write ``summary.json``.
+def gather(case: Case, results: Results, status: int, message: str, notes: Sequence[str]) -> None:
+    """Bring all steps into one file and write ``summary.json``, with the notes of `notes_of`.
 
     Raises:
         OSError: There is no room; the steps stay where they are.
@@ -186,12 +183,13 @@ def gather(case: Case, results: Results, status: int, message: str) -> None:
     text = {
         "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1],
         "events": events(results.rows), "stretch_at_break": stretch_at_break(case.material),
-        "notes": _notes(case, results),
+        "notes": list(notes),
     }  # fmt: skip
     write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
 
 
-def _notes(case: Case, results: Results) -> list[str]:
+def notes_of(case: Case, results: Results) -> list[str]:
+    """What a reader must know of a run's states: sentences."""
     return [*stretch_notes(case, results.rows), *contact_notes(results.rows), *depth_notes(case, results.rows)]
 
 

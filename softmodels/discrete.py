@@ -110,16 +110,15 @@ class Discrete:
         self.drive = Drive.proportional(body.actuator.ratios)
         volumes = body.volumes(y)
         loads = [ufl.derivative(volume, self.w, test) for volume in volumes]
+        self._volumes, self._loads = [form(own) for own in volumes], [form(load) for load in loads]
         volume, pressures = volumes[0], self.P * loads[0]
         self._shares: list[tuple[Any, Any]] = []  # of P, and apart from it; constants, so that others compile nothing
-        self._volumes, self._loads = [form(volume)], [form(loads[0])]
         if body.actuator.ratios != (1.0,):
             self._shares = [(fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)) for _ in volumes]
             volume = sum(along * own for (along, _), own in zip(self._shares, volumes, strict=True))
             pressures = sum(
                 (along * self.P + apart) * load for (along, apart), load in zip(self._shares, loads, strict=True)
             )
-            self._volumes, self._loads = [form(own) for own in volumes], [form(load) for load in loads]
         self._direction = fem.Function(self.space)
         # Every term of the potential has forms of its own, added up when assembled: bodies share the law's, laws the load's.
         energies = self.energies(self.density(self.parameters, self.bulk), self._stiffness)

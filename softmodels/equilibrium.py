@@ -48,6 +48,9 @@ class Tangent:
     def compliance(self) -> float:
         return self.V / self.P if self.P else math.inf
 
+    def __neg__(self) -> Tangent:
+        return Tangent(-self.w, -self.P, -self.V)
+
 
 class Equilibrium(Discrete):
     """A body of one material, to be solved for; see `Discrete` for what it is made of."""
@@ -66,12 +69,12 @@ class Equilibrium(Discrete):
         self.anchor: Any = None
         self._make_solver()
 
-    def _take(self, x: Any) -> float:
+    def _take(self, x: Any) -> npt.NDArray[np.float64]:
         body, scalars = self.system.split(x)
         self.w.x.array[: self.n] = body
         self.w.x.scatter_forward()
         self._set_pressures(float(scalars[0]), scalars[1:])
-        return float(scalars[0])
+        return scalars
 
     def take_over(self, drive: Drive, state: State, pressures: npt.NDArray[np.float64]) -> State:
         """Drive the cavities another way from a state on.
@@ -95,7 +98,7 @@ class Equilibrium(Discrete):
         return dataclasses.replace(start, V=self.volume())
 
     def _residual(self, snes: Any, x: Any, f: Any) -> None:
-        P = self._take(x)
+        P = float(self._take(x)[0])
         loads, drive, control = self._set_columns(), self.drive, self.control
         inner = self._assemble(self._inner)
         volumes = self.volumes() if control.needs_volume or len(drive.held) else np.zeros(len(loads))
@@ -230,12 +233,9 @@ class Equilibrium(Discrete):
         if reason <= 0:
             self.age = STALE + 1  # what led here is no preconditioner to go on with
             raise NoConvergence(_REASONS.get(reason, f"PETSc's reason {reason}"))
-        P = self._take(self._x)
-        return State(self._unknowns(self._x), P, self.volume(), self.snes.getIterationNumber())
-
-    def _unknowns(self, x: Any) -> npt.NDArray[np.float64]:
-        """What `State.w` holds of a vector of the whole system; the functions have been given it."""
-        return np.concatenate([self.w.x.array, self.system.split(x)[1][1:]])
+        scalars = self._take(self._x)
+        w = np.concatenate([self.w.x.array, scalars[1:]])
+        return State(w, float(scalars[0]), self.volume(), self.snes.getIterationNumber())
 
     def factorise(self, state: State) -> None:
         """Factorise the tangent at ``state``, to be kept for the solves that follow."""

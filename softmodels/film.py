@@ -14,9 +14,10 @@ import numpy as np
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
-from softmodels.pages import Scale, cavity_columns, load, number
+from softmodels.pages import Scale, load, number
 from softmodels.rendering import Image, studio
 from softmodels.results import replace
+from softmodels.rows import cavity_columns
 from softmodels.states import States
 from softmodels.views import Look
 
@@ -52,7 +53,7 @@ def frames(look: Look, count: int = FRAMES) -> list[Image]:
 
 def _caption(states: States, position: float) -> str:
     gauge, first = states.actuator.gauge, states.rows[0]
-    names = [f"{gauge}_mm", "pressure_cm", *(["load_step"] if "load_step" in first else [])]
+    names = [f"{gauge}_mm", *(["load_step"] if "load_step" in first else []), "pressure_cm"]
     row = {
         name: float(np.interp(position, range(len(states.rows)), [row[name] for row in states.rows]))
         for name in [*names, *cavity_columns(first, "pressure", "cm")]

@@ -81,7 +81,7 @@ class Path:
         tangent = eq.tangent(start, Control(1 / self.V_scale, 1.0, 0.0))
         self.P_scale = self.V_scale / abs(tangent.compliance)
         if (tangent.P if self.quantity == "pressure" else tangent.V) < 0.0:  # it starts where the device is unstable
-            tangent = Tangent(-tangent.w, -tangent.P, -tangent.V)
+            tangent = -tangent
         self.first_steps = {"pressure": 0.1 * self.P_scale, "volume": 0.1 * self.V_scale, "arc-length": 0.1}
         if self.supply is not None:
             a, b = self.supply.slopes(self.V0, 0.0)
@@ -214,7 +214,7 @@ class Path:
     def _check_branch(self, state: State) -> None:
         """Refuse a state that Newton found somewhere else: behind the last one, or with its cavity turned inside out."""
         s, t = self.last.state, self.last.tangent
-        along = (state.V - s.V) * t.V / self.V_scale**2 + (state.P - s.P) * t.P / self.P_scale**2
+        along = self.product((state.V - s.V, state.P - s.P), (t.V, t.P))
         if self.equilibrium.volumes().min() <= 0.0 or along <= 0.0:
             raise NoConvergence("it jumped to another branch")
 
@@ -260,7 +260,11 @@ class Path:
             assert self.supply is not None
             a, b = self.supply.slopes(s.V, s.P)
             return a * t.V + b * t.P
-        return {"pressure": t.P, "volume": t.V}.get(quantity, math.hypot(t.V / self.V_scale, t.P / self.P_scale))
+        return {"pressure": t.P, "volume": t.V}.get(quantity, self.product((t.V, t.P), (t.V, t.P)) ** 0.5)
+
+    def product(self, a: tuple[float, float], b: tuple[float, float]) -> float:
+        """Inner product of two changes (dV, dP) in the plane in which arc lengths are measured."""
+        return a[0] * b[0] / self.V_scale**2 + a[1] * b[1] / self.P_scale**2
 
     def longest(self) -> float:
         """The longest step allowed, in units of what the path is following."""

@@ -5,7 +5,6 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,8 @@ import numpy.typing as npt
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+
+from softmodels.rows import cavity_columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,13 +52,8 @@ def load(row: Row) -> str:
     if "load_step" not in row:
         return f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
     step = f"step {row['load_step']:.3g}"
-    each = cavity_columns(row, "pressure", "cm") or ["pressure_cm"]
+    each = cavity_columns(row, "pressure", "cm")
     return f"{step}: {' and '.join(number(row[name]) for name in each)} cm of water"
-
-
-def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
-    """The columns that tell of each of several cavities, such as ``pressure_1_cm``; empty if there is one cavity."""
-    return [name for name in row if re.fullmatch(rf"{what}_\d+_{unit}", name)]
 
 
 def headline(row: Row, gauge: str) -> str:

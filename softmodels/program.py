@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.series import floats
+
 if TYPE_CHECKING:
     from softmodels.discrete import State
     from softmodels.drive import Drive
@@ -90,9 +92,7 @@ def _series(name: str, table: Any) -> Series:
     text = table[key]
     values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:
-        if any(isinstance(value, bool) for value in values):
-            raise TypeError
-        numbers = tuple(float(value) for value in values)
+        numbers = tuple(floats(values))
     except (TypeError, ValueError):
         raise ProgramError(f"{name}.{key} {text!r} is not numbers; write one for each step, such as [20, 40]") from None
     if not numbers or not all(math.isfinite(number) and number >= 0.0 for number in numbers):

@@ -8,8 +8,9 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from softmodels.pages import CURVE, DPI, LINES, WARNING, WIDTH, Row, cavity_columns
+from softmodels.pages import CURVE, DPI, LINES, WARNING, WIDTH, Row
 from softmodels.plots import limits
+from softmodels.rows import cavity_columns
 
 
 def steps(rows: Sequence[Row], gauge: str) -> Figure:
@@ -19,8 +20,8 @@ def steps(rows: Sequence[Row], gauge: str) -> Figure:
         rows: All rows of ``path.csv``.
         gauge: The device's `Actuator.gauge`.
     """
-    pressures = cavity_columns(rows[0], "pressure", "cm") or ["pressure_cm"]
-    volumes = cavity_columns(rows[0], "added_volume", "ml") or ["added_volume_ml"]
+    pressures = cavity_columns(rows[0], "pressure", "cm")
+    volumes = cavity_columns(rows[0], "added_volume", "ml")
     panels = (
         ([f"{gauge}_mm"], f"{gauge} rise in mm"),
         (pressures, "pressure in\ncm of water"),

@@ -20,8 +20,9 @@ from geometries import table as geometry_table
 from softmodels import material_table, plots, program_plots
 from softmodels.closing import volume_note
 from softmodels.outcomes import DONE, NO_EQUILIBRIUM
-from softmodels.pages import STYLE, cavity_columns, load
+from softmodels.pages import STYLE, load
 from softmodels.results import write_text
+from softmodels.rows import cavity_columns
 from softmodels.states import States
 from softmodels.viewer import view
 from softmodels.views import Look
@@ -92,7 +93,7 @@ def ending(states: States, folder: Path) -> str:
 
 
 def _taker(row: dict[str, Any]) -> str:
-    return "the cavities have together" if cavity_columns(row, "added_volume", "ml") else "the cavity has"
+    return "the cavities have together" if len(cavity_columns(row, "added_volume", "ml")) > 1 else "the cavity has"
 
 
 def _curves(states: States) -> str:

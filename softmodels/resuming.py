@@ -14,6 +14,7 @@ from softmodels.outcomes import BAD_INPUT, RunError
 from softmodels.parallel import is_root, on_root
 from softmodels.program import Stop, goes_on
 from softmodels.results import Results
+from softmodels.rows import cavity_columns
 
 
 def check_same(case: Case, old: Case, folder: Path) -> None:
@@ -77,10 +78,8 @@ def last_stop(case: Case, results: Results, fields: Any, comm: Any) -> Stop:
     """The end of a program's step that the stored states end with."""
     row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
     nodal = results.fields(len(results.stored) - 1, ("displacement", "p")) if is_root(comm) else None
-    count = len(case.program)
-    names = [f"pressure_{i}_cm" for i in range(1, count + 1)] if count > 1 else ["pressure_cm"]
     unit = fields.equilibrium.stress_unit
-    pressures = np.array([row[name] * case.cm / unit for name in names])
+    pressures = np.array([row[name] * case.cm / unit for name in cavity_columns(row, "pressure", "cm")])
     return Stop(round(row["load_step"]), fields.state(nodal, record["P"], record["V"]), pressures)
 
 

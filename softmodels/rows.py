@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from collections.abc import Mapping
 from typing import Any
 
 from softmodels.case import Case
@@ -68,6 +70,11 @@ def row_of(case: Case, fields: Any, point: Any, figures: Any, nodal: Any, number
         / (fields.equilibrium.length_unit * 1e3) ** 2,
         "following": point.line,
     }
+
+
+def cavity_columns(row: Mapping[str, Any], what: str, unit: str) -> list[str]:
+    """The columns that tell of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; of one alone ``pressure_cm``."""
+    return [name for name in row if re.fullmatch(rf"{what}_\d+_{unit}", name)] or [f"{what}_{unit}"]
 
 
 def _driven(case: Case, fields: Any, figures: Any, point: Any) -> dict[str, float]:

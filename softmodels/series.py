@@ -4,11 +4,24 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 from typing import Any
 
 
 class SeriesError(ValueError):
     """A text that is no series of values; the message is a sentence for the user."""
+
+
+def floats(parts: Iterable[Any]) -> list[float]:
+    """Numbers or their texts as floats.
+
+    Raises:
+        TypeError, ValueError: One is none. True is none either, though Python would take it for 1.
+    """
+    found = list(parts)
+    if any(isinstance(part, bool) for part in found):
+        raise TypeError("true is no number here")
+    return [float(part) for part in found]
 
 
 def series(text: Any, what: str) -> tuple[float, ...]:
@@ -32,9 +45,7 @@ def series(text: Any, what: str) -> tuple[float, ...]:
     else:
         separator, parts = ",", [text]
     try:
-        if any(isinstance(part, bool) for part in parts):
-            raise TypeError("true is no number here, though Python would take it for 1")
-        numbers = [float(part) for part in parts]
+        numbers = floats(parts)
     except (TypeError, ValueError):
         raise SeriesError(f"{what} {text!r} is not numbers; write 0:177, 0:177:10 or 0,70,130,177") from None
     if not all(math.isfinite(number) for number in numbers):
