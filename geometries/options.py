@@ -28,7 +28,7 @@ class QuantityType(click.ParamType):
         self.name = {"m": "length", "degree": "angle", "": "number"}.get(unit, unit)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        if isinstance(value, float):
+        if isinstance(value, int | float):
             return value
         try:
             return quantity(value, self.unit)
@@ -67,7 +67,7 @@ def _option(field: dataclasses.Field[Any]) -> Callable[[Command], Command]:
     flag = f"--{field.name.replace('_', '-')}"
     if "kind" in meta:
         several = meta["kind"] != "text"
-        kind = click.FLOAT if meta["kind"] == "numbers" else click.STRING
+        kind = QuantityType("") if meta["kind"] == "numbers" else click.STRING
         text += "  [may be given again]" if several else ""
         return click.option(
             flag,

@@ -90,7 +90,7 @@ def faces(field: str, text: str) -> Faces:
         if found[1] not in COLOURS and not found[1].startswith("#"):
             raise GeometryError(f"{field} is {text!r}; write the colour as #rrggbb or one of {', '.join(COLOURS)}")
         return Faces(text, colour=COLOURS.get(found[1]) or _bytes(found[1]))
-    raise GeometryError(f"{field} is {text!r}; write {FORMS}")
+    raise GeometryError(f"{field} is {text!r}; write {FORMS}{_about_commas(text)}")
 
 
 def point(field: str, text: str) -> tuple[float, float, float]:
@@ -101,9 +101,14 @@ def point(field: str, text: str) -> tuple[float, float, float]:
     """
     found = re.fullmatch(r"\s*at" + ",".join([NUMBER] * 3) + r"([a-z]+)\s*", text)
     if not found:
-        raise GeometryError(f"{field} is {text!r}; write a point as 'at 10, 0, 4 mm'")
+        raise GeometryError(f"{field} is {text!r}; write a point as 'at 10, 0, 4 mm'{_about_commas(text)}")
     x, y, z = (_length(field, f"{number} {found[4]}") for number in found.groups()[:3])
     return x, y, z
+
+
+def _about_commas(text: str) -> str:
+    """A hint for "at 10,5, 0, 2 mm", which may be 10.5."""
+    return "; commas part the numbers, and decimals have a point" if re.search(r"\d,\d", text) else ""
 
 
 def _bytes(text: str) -> Colour:
@@ -112,14 +117,16 @@ def _bytes(text: str) -> Colour:
 
 
 def _number(field: str, text: str) -> float:
+    from measurement.units import UnitError, number  # not above: whoever imports the devices need not have pint
+
     try:
-        return float(text)
-    except ValueError:
-        raise GeometryError(f"{field}: {text.strip()!r} is no number") from None
+        return number(text)
+    except UnitError as error:
+        raise GeometryError(f"{field}: {error}") from None
 
 
 def _length(field: str, text: str) -> float:
-    from measurement.units import UnitError, quantity  # not above: whoever imports the devices need not have pint
+    from measurement.units import UnitError, quantity
 
     try:
         return quantity(text, "m")

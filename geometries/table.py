@@ -9,7 +9,7 @@ from typing import Any
 import geometries
 from geometries.actuator import Actuator
 from geometries.errors import GeometryError
-from measurement.units import UnitError, exact_text, quantity
+from measurement.units import UnitError, brief, exact_text, quantity
 
 
 def to_table(actuator: Actuator) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def device_from(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
 
 def _read(name: str, value: Any, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise GeometryError(f"{name} is {value!r}; it must be a text with a unit")
+        raise GeometryError(f"{name} is {brief(value)}; it must be a text with a unit")
     try:
         return quantity(value, unit)
     except UnitError as error:

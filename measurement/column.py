@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from measurement.units import STANDARD_GRAVITY, WATER_DENSITY, UnitError, quantity
+from measurement.units import STANDARD_GRAVITY, WATER_DENSITY, UnitError, brief, number_and_unit, quantity
 
 READING_ERROR = 0.5e-3
 """Standard error in m of reading one level against a millimetre scale."""
@@ -19,6 +19,8 @@ DENSITY_ERROR = 10.0 / math.sqrt(12.0)
 
 WATER_UNITS = {"mmh2o": 9.80665, "cmh2o": 98.0665, "mmws": 9.80665, "cmws": 98.0665}
 """Conventional columns of water in Pa (1000 kg/m3, standard gravity): a gauge's unit, not a length read off a tube."""
+
+FORMS = "write a column like 12.5 cm or a pressure like 1.2 kPa"
 
 GAUGE_ERROR = 0.01
 """Relative standard error assumed of a pressure given in Pa without one, as of a simple gauge."""
@@ -104,30 +106,21 @@ def _level(text: str) -> float:
 
 def _length_or_pressure(text: str) -> tuple[float, bool]:
     """Value in m or Pa, and whether it is a length; a plain 0 is a length."""
-    shown = text.strip()
-    squeezed = shown.lower().replace(" ", "").replace("_", "")
-    for unit, pascal in WATER_UNITS.items():
-        if squeezed.endswith(unit):
-            return _number(squeezed.removesuffix(unit), shown) * pascal, False
-    if not any(letter.isdigit() for letter in shown):
-        # Pint reads a unit alone as one of it, and many a word as a unit: "much" is a millionth of a surveyor's chain.
-        raise ColumnError(f"{shown!r} is no column of water and no pressure; write a column like 12.5 cm or 1.2 kPa")
+    if not any(letter.isdigit() for letter in text):
+        raise ColumnError(f"{brief(text.strip())} is no column of water and no pressure; {FORMS}")
     try:
-        return quantity(shown, "m"), True
-    except UnitError as first:
+        value, unit = number_and_unit(text)
+    except UnitError as error:
+        raise ColumnError(f"{error}; {FORMS}") from None
+    pascal = WATER_UNITS.get(unit.lower().replace(" ", "").replace("_", ""))
+    if pascal is not None:
+        return value * pascal, False
+    if not unit and value != 0.0:
+        raise ColumnError(f"{brief(text.strip())} has no unit; {FORMS}")
+    try:
+        return quantity(text, "m"), True
+    except UnitError:
         try:
-            return quantity(shown, "Pa"), False
+            return quantity(text, "Pa"), False
         except UnitError:
-            hint = "write a column like 12.5 cm or a pressure like 1.2 kPa"
-            why = "has no unit" if "has no unit" in str(first) else "is no column of water and no pressure"
-            raise ColumnError(f"{shown!r} {why}; {hint}") from None
-
-
-def _number(text: str, shown: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ColumnError(f"{shown!r} is not a number with a unit; write it like 35 mmH2O")
-    return value
+            raise ColumnError(f"{brief(text.strip())} is no column of water and no pressure; {FORMS}") from None

@@ -25,7 +25,7 @@ from measurement.overlay import draw_points, read_picture
 from measurement.plane import Plane, PlaneError
 from measurement.reasons import reason
 from measurement.setup import Setup, SetupError, magnification
-from measurement.units import UnitError, quantity
+from measurement.units import UnitError, brief, number, quantity
 
 UNUSABLE, UNMEASURED = 2, 1
 """Exit statuses: the input cannot be used; it can, but nothing could be measured in it."""
@@ -247,24 +247,26 @@ def _known_point(text: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     pixel, _, place = text.partition("=")
     parts = place.split(",")
     if len(parts) != 2:
-        raise SetupError(f"{text!r} is no known point; write it like 100,200=9mm,18mm")
+        more = "; commas part the numbers, and decimals have a point" if len(parts) > 2 else ""
+        raise SetupError(f"{brief(text)} is no known point; write it like 100,200=9mm,18mm{more}")
     return _numbers(pixel, 2, "--point"), tuple(_length(part) for part in parts)
 
 
 def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
     try:
-        values = tuple(float(part) for part in text.split(","))
-    except ValueError:
+        values = tuple(number(part) for part in text.split(","))
+    except UnitError:
         values = ()
     if len(values) != count or not all(abs(value) < 1e9 for value in values):
-        raise SetupError(f"{option} needs {count} numbers between commas, not {text!r}")
+        more = "; decimals have a point" if len(values) > count else ""
+        raise SetupError(f"{option} needs {count} numbers between commas, not {brief(text)}{more}")
     return values
 
 
 def _pattern(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d+)x(\d+)", text.strip())
+    found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
     if not found:
-        raise SetupError(f"{text!r} is no pattern; write the inner corners like 9x6")
+        raise SetupError(f"{brief(text)} is no pattern; write the inner corners like 9x6")
     return int(found[1]), int(found[2])
 
 
@@ -274,11 +276,14 @@ def _length(text: str) -> float:
 
 def _per_metre(text: str) -> float:
     # A pixel is a count here; Pint's own pixel is a unit of its own.
-    found = re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)\s*/\s*([a-z]+)\s*", text)
+    found = re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
     try:
-        return quantity(f"{found[1]} / {found[2]}" if found else text, "1/m")
-    except UnitError:
-        raise SetupError(f"{text.strip()!r} is no scale; write pixels per length like 75px/mm or 75000px/m") from None
+        return quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
+    except UnitError as error:
+        why = f" ({error})" if "decimal comma" in str(error) else ""
+        raise SetupError(
+            f"{brief(text.strip())} is no scale{why}; write pixels per length like 75px/mm or 75000px/m"
+        ) from None
 
 
 def _write(path: Path, text: str) -> None:

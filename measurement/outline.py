@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.reasons import reason
+from measurement.units import UnitError, brief, number
 
 Array = npt.NDArray[np.float64]
 
@@ -133,27 +134,27 @@ class Outline:
         """
         path = Path(path)
         try:
-            lines = path.read_text(encoding="utf-8").splitlines()
+            lines = path.read_text(encoding="utf-8-sig").splitlines()
         except (OSError, UnicodeDecodeError) as error:
             raise OutlineError(f"{path} cannot be read: {reason(error)}") from None
         notes: dict[str, str] = {}
         reasons: list[str] = []
         rows: list[list[float]] = []
-        for number, line in enumerate(lines, 1):
+        for place, line in enumerate(lines, 1):
             if line.startswith("#"):
                 name, _, value = line[1:].partition("=")
                 if name.strip() == "reason":
                     reasons.append(value.strip())
                 notes[name.strip()] = value.strip()
-            elif line.strip() and line.strip() != COLUMNS:
-                rows.append(_row(path, number, line))
+            elif line.strip() and line.strip().replace(";", ",") != COLUMNS:
+                rows.append(_row(path, place, line))
         try:
-            pressure, pressure_error = float(notes["pressure_Pa"]), float(notes["pressure_error_Pa"])
-            sunk = float(notes.get("sunk_m", "0"))
+            pressure, pressure_error = number(notes["pressure_Pa"]), number(notes["pressure_error_Pa"])
+            sunk = number(notes.get("sunk_m", "0"))
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
-        except ValueError:
-            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa or sunk_m is not a number") from None
+        except UnitError as error:
+            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa or sunk_m: {error}") from None
         points = np.array(rows, dtype=np.float64).reshape(-1, 3)
         trusted = notes.get("trusted", "no") == "yes"
         if not trusted and not reasons:
@@ -171,11 +172,12 @@ class Outline:
         )
 
 
-def _row(path: Path, number: int, line: str) -> list[float]:
+def _row(path: Path, place: int, line: str) -> list[float]:
+    words = line.split(";" if ";" in line else ",")
     try:
-        values = [float(word) for word in line.split(",")]
-    except ValueError:
-        values = []
+        values, why = [number(word) for word in words], ""
+    except UnitError as error:
+        values, why = [], f": {error}"
     if len(values) != 3:
-        raise OutlineError(f"{path}, line {number}: {line.strip()!r} is not three numbers ({COLUMNS})")
+        raise OutlineError(f"{path}, line {place}: {brief(line.strip())} is not three numbers ({COLUMNS}){why}")
     return values

@@ -100,7 +100,8 @@ def _check_header(path: Path, header: list[str]) -> None:
 
 def _photograph(folder: Path, header: list[str], words: list[str], column: Column) -> Photograph:
     if len(words) != len(header):
-        raise PhotoListError(f"{len(words)} values in the row, {len(header)} columns in the header")
+        more = "; a comma parts columns here, and decimals have a point" if len(words) > len(header) else ""
+        raise PhotoListError(f"{len(words)} values in the row, {len(header)} columns in the header{more}")
     row = dict(zip(header, words, strict=True))
     if not row["file"]:
         raise PhotoListError("the row names no file")

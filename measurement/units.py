@@ -1,13 +1,17 @@
 """Text with a unit in, a plain number in SI units out.
 
 Everything inside the project is SI; units live only where text is read or written. A bare number where a unit belongs is
-refused, because a silent guess (metres? millimetres?) looks like a solver that diverges.
+refused, because a silent guess (metres? millimetres?) looks like a solver that diverges. So is all that is not one number
+and one unit: Pint by itself drops commas (1,5mm would be 15 mm), multiplies numbers that stand side by side and evaluates
+powers of any size. It gets to see the unit alone.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+import re
+from typing import Any
 
 import pint
 
@@ -16,6 +20,17 @@ STANDARD_GRAVITY = 9.80665
 
 WATER_DENSITY = 970.0
 """Density in kg/m3 of the water in the thesis' column (section 4.1: 0.97 g/ml measured)."""
+
+LONGEST = 100
+"""Characters of the longest quantity; the most precise float has 24."""
+
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_SPACES = r"[\s_'\u2019]"
+_NAME = r"(?:[^\W\d_]|[%°])\w*"
+"""A unit's name, such as mm, % or cmH2O."""
+_FACTOR = rf"\(*\s*{_NAME}(?:\s*(?:\^|\*\*)\s*-?[0-9]|[⁻]?[¹²³⁴])?\s*\)*(?:\s*(?:\^|\*\*)\s*-?[0-9])?"
+_UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/·⋅\s]\s*{_FACTOR})*")
+_ANGLES = {"degree", "radian", "milliradian", "arcminute", "arcsecond", "turn", "gradian"}
 
 
 class UnitError(ValueError):
@@ -27,46 +42,127 @@ def _registry() -> pint.UnitRegistry:
     return pint.UnitRegistry(cache_folder=None)
 
 
+def brief(value: object) -> str:
+    """A value as a message shows it: its repr, cut where it is long; what it is, where it is no scalar."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list | tuple) and len(value) > 8:
+        return f"a list of {len(value)} entries"
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # integers of thousands of digits, lists in lists in lists
+        return "a value too long to show"
+    count = len(value) if isinstance(value, str) else len(text)
+    return text if count <= 80 else f"{text[:60]}… ({count} characters)"
+
+
+def number(value: Any) -> float:
+    """A finite number from its text, or from a number; nothing else is one.
+
+    Raises:
+        UnitError: A comma, spaces between digits, words, a list; too large; not finite.
+    """
+    if isinstance(value, str):
+        read, unit = _split(value, "a number")
+        if unit:
+            raise UnitError(f"{brief(value.strip())} is not a number")
+        return read
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UnitError(f"{brief(value)} is not a number")
+    try:
+        read = float(value)
+    except OverflowError:
+        read = math.inf
+    if not math.isfinite(read):
+        raise UnitError(f"{brief(value)} is not a finite number")
+    return read
+
+
+def number_and_unit(text: str) -> tuple[float, str]:
+    """A quantity's number and the text of its unit, which may be empty and is not looked up.
+
+    Raises:
+        UnitError: See `quantity`.
+    """
+    return _split(text, "a number with a unit")
+
+
 def quantity(text: str | float, unit: str) -> float:
     """Read a quantity such as ``"20 mm"`` and return its value in ``unit``.
 
     Args:
-        text: Number and unit. A bare number is taken only where ``unit`` is empty (a ratio) or where it is 0.
+        text: One number and one unit. A bare number is taken only where ``unit`` is empty (a ratio) or where it is 0.
         unit: Unit of the result in Pint's spelling, for example ``"m"`` or ``"Pa"``; ``""`` for a pure number.
 
     Raises:
-        UnitError: No number, no unit where one is needed, a unit of another kind, or a value that is not finite.
+        UnitError: No number, a decimal comma, several numbers, no unit where one is needed, an unknown unit or one of
+            another kind, or a value that is not finite.
     """
-    shown = str(text).strip()
-    example = {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml"}.get(
-        unit, f"1 {unit}".strip()
-    )
+    example = {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml", "N/m": "50kN/m",
+               "m^2": "18mm^2"}.get(unit, f"1 {unit}".strip())  # fmt: skip
+    hint = f"; write it like {example}" if unit else ""
+    if isinstance(text, str):
+        read, written = _split(text, "a number with a unit" if unit else "a number", hint)
+    else:
+        read, written = number(text), ""
+    shown = brief(str(text).strip())
+    if not written:
+        if unit and read != 0.0:
+            raise UnitError(f"{shown} has no unit{hint}")
+        return read
+    known = _unit(written)
+    if known is None:
+        raise UnitError(f"{shown} has an unknown unit, {brief(written)}{hint}")
     try:
-        parsed = _registry().Quantity(shown)
-        value = float(parsed.to(unit or "dimensionless").magnitude)
-    except pint.DimensionalityError:
-        if _is_number(shown):
-            if float(shown) == 0.0:
-                return 0.0
-            raise UnitError(f"{shown!r} has no unit; write it like {example}") from None
-        raise UnitError(f"{shown!r} cannot be read in {unit or 'pure numbers'}; write it like {example}") from None
-    except pint.UndefinedUnitError as error:
-        raise UnitError(f"{shown!r} has an unknown unit ({error}); write it like {example}") from None
-    except Exception:
-        raise UnitError(
-            f"{shown!r} is not a number{' with a unit; write it like ' + example if unit else ''}"
-        ) from None
+        if bool(_ANGLES & set(known._units)) != (unit == "degree"):  # to Pint an angle is a pure number
+            raise pint.DimensionalityError(known, unit)
+        value = float(_registry().Quantity(read, known).to(unit or "dimensionless").magnitude)
+    except (pint.PintError, ArithmeticError, TypeError, ValueError):
+        raise UnitError(f"{shown} cannot be read in {unit or 'pure numbers'}{hint}") from None
     if not math.isfinite(value):
-        raise UnitError(f"{shown!r} is not a finite number")
+        raise UnitError(f"{shown} is not a finite number")
     return value
 
 
-def _is_number(text: str) -> bool:
+def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:
+    shown = text.strip()
+    if len(shown) > LONGEST:
+        raise UnitError(f"{brief(shown)} is not {what}{hint}")
+    found = re.fullmatch(rf"({_NUMBER})\s*(.*)", shown, re.DOTALL)
+    if found is None or (found[2] and not _UNIT.fullmatch(found[2])):
+        raise UnitError(_reason(shown, what, hint))
+    read = float(found[1])
+    if not math.isfinite(read):
+        raise UnitError(f"{brief(shown)} is not a finite number")
+    return read, found[2]
+
+
+def _reason(shown: str, what: str, hint: str) -> str:
+    """Why a text is no quantity."""
+    if re.match(rf"[+-]?[0-9]*,[0-9]+(?![0-9.,]|{_SPACES}[0-9])", shown):
+        more = (
+            f" (or {shown.replace(',', '')}, if it parts thousands)" if re.search(r",[0-9]{3}(?![0-9])", shown) else ""
+        )
+        return f"{brief(shown)} has a decimal comma; write {shown.replace(',', '.')}{more}"
+    if re.match(r"[+-]?[0-9][0-9.,]*,[0-9]", shown):
+        return f"{brief(shown)} has commas between its digits; write the number without them, with a decimal point"
+    if re.match(rf"[+-]?[0-9][0-9.]*{_SPACES}+[0-9]", shown):
+        return (
+            f"{brief(shown)} has a space or the like between its digits; write one number, such as "
+            f"{re.sub(rf'(?<=[0-9]){_SPACES}+(?=[0-9])', '', shown)}"
+        )
+    if re.match(r"[+-]?(nan|inf)", shown, re.IGNORECASE):
+        return f"{brief(shown)} is not a finite number"
+    return f"{brief(shown)} is not {what}{hint}"
+
+
+@functools.lru_cache(maxsize=256)
+def _unit(text: str) -> Any:
+    """Pint's unit of a text, or None if there is none."""
     try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+        return _registry().parse_units(text)
+    except Exception:  # Pint's parser raises what Python's tokenizer does, and more
+        return None
 
 
 def pascal_per_cm(density: float = WATER_DENSITY) -> float:

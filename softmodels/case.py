@@ -302,7 +302,7 @@ def _obstacle(table: Mapping[str, Any]) -> Obstacle:
 
 
 def sheet_from(face: Any, stiffness: Any) -> Sheet:
-    """The sheet of a table or a command line: a face's name, and a stiffness as text or in N/m.
+    """The sheet of a table or a command line: a face's name, and a stiffness with its unit.
 
     Raises:
         CaseError: One without the other, or no stiffness.
@@ -311,7 +311,7 @@ def sheet_from(face: Any, stiffness: Any) -> Sheet:
     if not isinstance(face, str) or stiffness is None:
         raise CaseError("a sheet needs both its face and its stiffness (--sheet top --sheet-stiffness 50kN/m)")
     try:
-        return Sheet(face, quantity(stiffness, "N/m") if isinstance(stiffness, str) else stiffness)
+        return Sheet(face, quantity(stiffness, "N/m"))
     except UnitError as error:
         raise CaseError(f"sheet stiffness: {error}") from None
 

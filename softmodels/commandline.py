@@ -75,7 +75,7 @@ def device_command(
     name = device.stem
 
     def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
-                sheet: str | None, sheet_stiffness: float | None, contact: str | None, contact_plane: str | None,
+                sheet: str | None, sheet_stiffness: str | None, contact: str | None, contact_plane: str | None,
                 contact_stiffness: float,
                 output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...],
                 **values: Any) -> None:  # fmt: skip
@@ -105,13 +105,13 @@ def device_command(
                         help="Displacement and pressure, or displacement alone (compressible studies).")(made)  # fmt: skip
     made = click.option("--control", type=click.Choice(CONTROLS), default="auto", show_default=True,
                         help="What the path follows.")(made)  # fmt: skip
-    made = click.option("--contact-stiffness", type=float, default=STIFFNESS, show_default=True,
+    made = click.option("--contact-stiffness", type=QuantityType(""), default=STIFFNESS, show_default=True,
                         help="Shear moduli of contact pressure per sinking in by one size of the device.")(made)  # fmt: skip
     made = click.option("--contact-plane", metavar="PLANE", help="The rigid plane: 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm'"
                         ", or a cut plane's name for walls that meet their mirror image.")(made)  # fmt: skip
     made = click.option("--contact", metavar="FACES", help="Faces that a rigid plane without friction stops, such as top; its "
                         "force is in path.csv.")(made)  # fmt: skip
-    made = click.option("--sheet-stiffness", type=QuantityType("N/m"),
+    made = click.option("--sheet-stiffness", metavar="STIFFNESS",
                         help="Young's modulus times thickness of the sheet, such as 50kN/m.")(made)  # fmt: skip
     made = click.option("--sheet", metavar="FACE",
                         help=f"Bond a thin sheet to a face of the device: {', '.join(device.faces)}.")(made)  # fmt: skip

@@ -40,7 +40,9 @@ from softmodels.tensile_options import read_curves, specimen_options, tensile_op
               "size from the scatter.")  # fmt: skip
 @click.option("--gauge-error", default="0%", show_default=True, metavar="SHARE",
               help="Standard error of a factor on each test (cross-section, load cell), such as 3%.")  # fmt: skip
-@click.option("--poisson", type=float, default=0.5, show_default=True, help="Poisson's ratio of the fitted material.")
+@click.option(
+    "--poisson", type=QuantityType(""), default=0.5, show_default=True, help="Poisson's ratio of the fitted material."
+)
 @click.option("--fix", "fixes", multiple=True, metavar="NAME=VALUE", help="Keep a parameter, such as c3=0.")
 @click.option(
     "--bounds", "bounds", multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty."
@@ -179,7 +181,7 @@ def changes_for(choice: LawChoice, options: dict[str, Any], alone: bool) -> dict
                 continue
             try:
                 changes.setdefault(name, {}).update(read(value, "" if gauge else choice.unit(name)))
-            except (UnitError, ValueError) as error:
+            except (UnitError, FitError) as error:
                 raise FitError(f"{text!r}: {error}") from None
     return changes
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from measurement.reasons import reason
+from measurement.units import UnitError, number
 from softmodels.fit_problem import FitError, Parameter
 from softmodels.fit_result import Fit
 from softmodels.fitting import fit
@@ -47,29 +48,28 @@ def read_heights(path: Path, untrusted: bool = False) -> list[Height]:
         OutlineFitError: No such table; a number that is none; a height that is not trusted, unless ``untrusted``.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise OutlineFitError(f"{path} cannot be read: {error}") from None
+        text = path.read_text(encoding="utf-8-sig")
+        separator = ";" if ";" in text.partition("\n")[0] else ","
+        rows = list(csv.DictReader(text.splitlines(), delimiter=separator))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise OutlineFitError(f"{path} cannot be read: {reason(error)}") from None
     if not rows or not {"pressure_Pa", "height_m"} <= set(rows[0]):
         raise OutlineFitError(f"{path} is no table of heights; it needs the columns pressure_Pa and height_m")
     found = []
-    for number, row in enumerate(rows, 2):
+    for place, row in enumerate(rows, 2):
         trusted = (row.get("trusted") or "yes").strip()
         if trusted == "refused":
             continue
         if trusted != "yes" and not untrusted:
             raise OutlineFitError(
-                f"{path}, line {number}: this height is not to be trusted ({row.get('remarks') or 'no reason given'}); "
+                f"{path}, line {place}: this height is not to be trusted ({row.get('remarks') or 'no reason given'}); "
                 "leave it out, or take it with --untrusted"
             )
         try:
-            pressure, height = float(row["pressure_Pa"]), float(row["height_m"])
-        except (TypeError, ValueError):
-            pressure = height = math.nan
-        if not (math.isfinite(pressure) and math.isfinite(height)):
-            raise OutlineFitError(f"{path}, line {number}: pressure or height is not a number")
-        found.append(Height(row.get("file") or f"line {number}", pressure, height))
+            pressure, height = number(row["pressure_Pa"]), number(row["height_m"])
+        except UnitError as error:
+            raise OutlineFitError(f"{path}, line {place}: pressure or height is not a number ({error})") from None
+        found.append(Height(row.get("file") or f"line {place}", pressure, height))
     return sorted(found, key=lambda one: one.pressure)
 
 

@@ -223,7 +223,9 @@ def _command() -> click.Command:
     made = click.option("--vary", multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
                         "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); may be "
                         "repeated.")(made)  # fmt: skip
-    made = click.option("--working-cm", type=float, help="Working pressure in cm of water, for the margin.")(made)
+    made = click.option("--working-cm", type=QuantityType(""), help="Working pressure in cm of water, for the margin.")(
+        made
+    )
     made = click.argument("file", required=False, type=click.Path(path_type=Path))(made)
     command = click.command(name="limit", context_settings={"help_option_names": ["-h", "--help"]})(made)
     for parameter in command.params:

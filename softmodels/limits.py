@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from measurement.units import UnitError, quantity
+from measurement.units import UnitError, number, quantity
 from softmodels.case import STIFFNESS_RANGE, CaseError
 from softmodels.materials import Material
 from softmodels.obstacle import Obstacle
@@ -183,8 +183,8 @@ class Tolerance:
         unit, signed = known[name]
         try:
             value = quantity(middle, unit)
-            width = abs(value) * float(half[:-1]) / 100 if half.endswith("%") else quantity(half, unit)
-        except (UnitError, ValueError) as error:
+            width = abs(value) * number(half[:-1]) / 100 if half.endswith("%") else quantity(half, unit)
+        except UnitError as error:
             raise CaseError(f"--vary {text!r}: {error}") from None
         if not width > 0.0 or (not signed and width >= value):
             between = "above zero" if signed else "between zero and the value"

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from measurement.units import UnitError, exact_text, quantity
+from measurement.units import UnitError, brief, exact_text, quantity
 from softmodels.materials import LAWS, Material, MaterialError, NeoHookean, Ogden
 from softmodels.silicones import SILICONES
 
@@ -172,7 +172,7 @@ def _read(law: str, key: str, value: Any, unit: str, many: bool = False) -> Any:
             parts = [parts]
         return tuple(_read(law, key, part, unit) for part in parts)
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise MaterialError(f"{law}: {key} is {value!r}; it must be a number" + (" with a unit" if unit else ""))
+        raise MaterialError(f"{law}: {key} is {brief(value)}; it must be a number" + (" with a unit" if unit else ""))
     try:
         return quantity(value, unit)
     except UnitError as error:

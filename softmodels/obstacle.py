@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
+from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
 from geometries.selections import faces as plane_faces
 from softmodels.body import Body, in_section
@@ -85,8 +85,9 @@ class Obstacle:
             if chosen.normal is not None:
                 x, y, z = chosen.normal
                 return (x * chosen.at, y * chosen.at, z * chosen.at), chosen.normal
-        except ValueError:  # GeometryError is one
-            pass
+        except GeometryError as error:
+            if str(error).startswith("contact plane: "):  # the form is right, and a number in it is not
+                raise ObstacleError(str(error)) from None
         raise ObstacleError(
             f"contact plane {self.plane!r} is no plane; write 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm' or a cut "
             "plane's name"

@@ -7,13 +7,13 @@ changes either pressures or volumes, and is followed by its own pair (P, V), see
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from measurement.units import UnitError, brief
 from softmodels.series import floats
 
 if TYPE_CHECKING:
@@ -93,10 +93,12 @@ def _series(name: str, table: Any) -> Series:
     values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:
         numbers = tuple(floats(values))
-    except (TypeError, ValueError):
-        raise ProgramError(f"{name}.{key} {text!r} is not numbers; write one for each step, such as [20, 40]") from None
-    if not numbers or not all(math.isfinite(number) and number >= 0.0 for number in numbers):
-        raise ProgramError(f"{name}.{key} {text!r} must be finite numbers of 0 or more; suction is not modelled")
+    except UnitError as error:
+        raise ProgramError(
+            f"{name}.{key} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
+        ) from None
+    if not numbers or min(numbers) < 0.0:
+        raise ProgramError(f"{name}.{key} {brief(text)} must be numbers of 0 or more; suction is not modelled")
     return Series(key, numbers)
 
 

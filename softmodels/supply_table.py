@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from measurement.units import UnitError, exact_text, quantity
+from geometries.options import QuantityType
+from measurement.units import UnitError, exact_text, number, quantity
 from softmodels.supply import AMBIENT, GASES, SupplyError, Syringe
 
 UNITS = {"syringe": "m^3", "dead_volume": "m^3", "ambient": "Pa"}
@@ -47,9 +48,10 @@ def from_table(table: Mapping[str, Any]) -> Syringe:
 
 
 def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise SupplyError(f"the leak is {value!r}; it must be a number, the share of the gas lost per volume of stroke")
-    return float(value)
+    try:
+        return number(value)
+    except UnitError as error:
+        raise SupplyError(f"the leak: {error}; it is the share of the gas lost per volume of stroke") from None
 
 
 NAMES = ("syringe", "dead_volume", "ambient", "gas", "leak_per_ml")
@@ -65,7 +67,7 @@ def supply_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ("--dead-volume", "Volume of tubes and T-junction.  [default: 5ml]"),
         ("--syringe", "Volume of the syringe.  [default: 20ml]"),
     ):
-        kind: Any = {"--leak-per-ml": float, "--gas": click.Choice(list(GASES))}.get(flag, str)
+        kind: Any = {"--leak-per-ml": QuantityType(""), "--gas": click.Choice(list(GASES))}.get(flag, str)
         command = click.option(flag, type=kind, help=text)(command)
     text = "Strokes of the syringe's piston in ml, in place of pressures, such as 0:20."
     command = click.option("--stroke-ml", metavar="SERIES", help=text)(command)

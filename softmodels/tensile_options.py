@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from geometries.options import QuantityType
+from measurement.units import UnitError, brief, number
 from softmodels.tensile import SYNONYMS, Specimen, TensileCurve, TensileError, read_curve, small_modulus
 
 APART = 100.0
@@ -62,9 +63,11 @@ def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
 def stretch_range(text: str) -> tuple[float, float]:
     """Read ``"1.02:6"``."""
     try:
-        low, high = (float(part) for part in text.split(":"))
+        low, high = (number(part) for part in text.split(":"))
+    except UnitError as error:
+        raise TensileError(f"stretch {brief(text)} is not a range ({error}); write it like 1.02:3") from None
     except ValueError:
-        raise TensileError(f"stretch {text!r} is not a range; write it like 1.02:3") from None
+        raise TensileError(f"stretch {brief(text)} is not a range; write it like 1.02:3") from None
     if not 0.0 < low < high < 100.0:
         raise TensileError(f"stretch {text!r}: a range rises, from above 0 to below 100")
     if high <= 1.0 <= low or low == high:

@@ -71,7 +71,7 @@ def test_given_errors():
         ("3 kg", "no column of water"),
         ("nan cm", "no column of water"),
         ("x mmH2O", "is not a number"),
-        ("inf cmH2O", "is not a number"),
+        ("inf cmH2O", "is not a finite number"),
         ("inf cm", "no column of water"),
     ],
 )

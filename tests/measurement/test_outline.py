@@ -75,7 +75,9 @@ def test_what_is_no_outline(changes, reason):
         (lambda text: text.replace("951.0", "much"), "is not a number"),
         (lambda text: text + "1,2\n", "line 48: '1,2' is not three numbers"),
         (lambda text: text + "1,2,x\n", "not three numbers"),
-        (lambda text: text + "1,nan,1e-6\n", "not finite"),
+        (lambda text: text + "0,1;2;3\n", "line 48: '0,1;2;3' is not three numbers .*'0,1' has a decimal comma"),
+        (lambda text: text.replace("951.0", "951,0"), "'951,0' has a decimal comma"),
+        (lambda text: text + "1,nan,1e-6\n", "not a finite number"),
         (lambda text: text.split(COLUMNS)[0] + COLUMNS, "at least one"),
     ],
 )

@@ -27,7 +27,7 @@ def test_pressures_and_errors(tmp_path):
 
 
 def test_both_tubes_semicolons_capitals_and_a_byte_order_mark(tmp_path):
-    photos = listed(tmp_path, "File; Left; Right\na.jpg; 31.2 cm; 18.7 cm\n", "utf-8-sig")
+    photos = listed(tmp_path, "File; Left; Right\r\na.jpg; 31.2 cm; 18.7 cm\r\n", "utf-8-sig")
     assert photos[0].pressure == pytest.approx(0.125 * 970.0 * 9.80665)
 
 
@@ -57,6 +57,14 @@ BROKEN = {
     "file,pressure\na.jpg,1 cm\n,2 cm\n": "line 3: the row names no file",
     "file,pressure\na.jpg,1 cm\na.jpg,2 cm\n": "line 3: a.jpg stands in the list twice",
     "file,pressure,error\na.jpg,1 cm,-1 mm\n": "line 2: the error '-1 mm' is negative",
+    "file;pressure\na.jpg;0 cm\nb.jpg;2,8 cm\n": "line 3: '2,8 cm' has a decimal comma; write 2.8 cm",
+    'file,pressure\na.jpg,"2,8 cm"\n': "line 2: '2,8 cm' has a decimal comma",
+    "file,pressure\na.jpg,2,8 cm\n": "line 2: 3 values in the row.*decimals have a point",
+    "file;left;right\na.jpg;31,2 cm;18,7 cm\n": "line 2: '31,2 cm' has a decimal comma",
+    "file;pressure;error\na.jpg;3 cm;0,5 mm\n": "line 2: '0,5 mm' has a decimal comma",
+    "file,pressure\na.jpg,5 647 Pa\n": "line 2: '5 647 Pa' has a space or the like between its digits",
+    "file;pressure\na.jpg;35,5 mmH2O\n": "line 2: '35,5 mmH2O' has a decimal comma",
+    "file,pressure\na.jpg,1 200 mmH2O\n": "line 2: '1 200 mmH2O' has a space",
     "file,left,right\na.jpg,1 kPa,1 cm\n": "line 2: '1 kPa' is not the level",
 }
 

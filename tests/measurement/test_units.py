@@ -1,0 +1,114 @@
+"""Quantities: a number and a unit, nothing else; what people type otherwise is refused by name, never read as another value."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from measurement.units import UnitError, exact_text, number, quantity
+
+READ = [
+    ("20 mm", "m", 0.02),
+    ("20mm", "m", 0.02),
+    ("-1.5e-1 cm", "m", -0.0015),
+    ("+.5 mm", "m", 0.0005),
+    ("5.mm", "m", 0.005),
+    ("2 µm", "m", 2e-6),
+    ("1 in", "m", 0.0254),
+    ("0", "m", 0.0),
+    (0, "Pa", 0.0),
+    ("30 kPa", "Pa", 30e3),
+    ("5 N/mm^2", "Pa", 5e6),
+    ("5 N mm^-2", "Pa", 5e6),
+    ("5 kg/(m s^2)", "Pa", 5.0),
+    ("100 cmH2O", "Pa", 9806.65),
+    ("0.97 g/ml", "kg/m^3", 970.0),
+    ("970 kg/m³", "kg/m^3", 970.0),
+    ("18 mm**2", "m^2", 18e-6),
+    ("50kN/m", "N/m", 50e3),
+    ("45deg", "degree", 45.0),
+    ("1 turn", "degree", 360.0),
+    ("0.49", "", 0.49),
+    ("5 %", "", 0.05),
+    (0.49, "", 0.49),
+    ("1 mm/cm", "", 0.1),
+]
+
+
+@pytest.mark.parametrize(("text", "unit", "value"), READ)
+def test_a_number_and_a_unit(text, unit, value):
+    assert quantity(text, unit) == pytest.approx(value, rel=1e-14, abs=0.0)
+
+
+REFUSED = [
+    ("1,5mm", "m", "'1,5mm' has a decimal comma; write 1.5mm"),
+    ("12,5 mm", "m", "write 12.5 mm"),
+    ("20,5kPa", "Pa", "write 20.5kPa"),
+    ("998,2 kg/m^3", "kg/m^3", "write 998.2 kg/m^3"),
+    ("0,49", "", "write 0.49"),
+    (",5 mm", "m", "decimal comma"),
+    ("1,000 mm", "m", "1.000 mm (or 1000 mm, if it parts thousands)"),
+    ("1,000.5 mm", "m", "commas between its digits"),
+    ("1.000,5 mm", "m", "commas between its digits"),
+    ("10 0mm", "m", "space or the like between its digits"),
+    ("5 647 Pa", "Pa", "such as 5647 Pa"),
+    ("5\u202f647 Pa", "Pa", "such as 5647 Pa"),
+    ("5'647 Pa", "Pa", "such as 5647 Pa"),
+    ("5_647 Pa", "Pa", "such as 5647 Pa"),
+    ("--2mm", "m", "write it like 20mm"),
+    ("mm", "m", "write it like 20mm"),
+    ("", "m", "write it like 20mm"),
+    ("9**9**9 mm", "m", "write it like 20mm"),
+    ("9 mm^9^9^9", "m", "write it like 20mm"),
+    ("9 mm^999999999", "m", "write it like 20mm"),
+    ("2*3mm", "m", "write it like 20mm"),
+    ("2 mm 3", "m", "write it like 20mm"),
+    ("2 mm; 3 mm", "m", "write it like 20mm"),
+    ("(2)mm", "m", "write it like 20mm"),
+    ("0x10 mm", "m", "write it like 20mm"),
+    ("٣ mm", "m", "write it like 20mm"),
+    ("20", "m", "has no unit"),
+    (20, "N/m", "has no unit; write it like 50kN/m"),
+    ("20 mn", "m", "unknown unit"),
+    ("20 kPa", "m", "cannot be read in m"),
+    ("45", "degree", "has no unit"),
+    ("50 %", "degree", "cannot be read in degree"),
+    ("3 deg", "", "cannot be read in pure numbers"),
+    ("nan mm", "m", "finite"),
+    ("1e400 mm", "m", "finite"),
+    (float("inf"), "", "finite"),
+    (10**400, "", "finite"),
+    (16**5000, "m", "finite"),
+    ("9" * 400 + " mm", "m", "(403 characters)"),
+    ("9" * 5000, "", "(5000 characters)"),
+    ("1 " + "m" * 5000, "m", "characters)"),
+    ("1 " + "(" * 90 + "m", "m", "mm"),
+    (True, "", "True is not a number"),
+    ([1], "m", "[1] is not a number"),
+    ({"a": 1}, "m", "a table is not a number"),
+    (None, "", "None is not a number"),
+]
+
+
+@pytest.mark.parametrize(("text", "unit", "words"), REFUSED, ids=range(len(REFUSED)))
+def test_all_else_is_refused(text, unit, words):
+    with pytest.raises(UnitError) as refused:
+        quantity(text, unit)
+    assert words in str(refused.value)
+    assert len(str(refused.value)) < 250
+
+
+def test_numbers_alone():
+    assert [number(value) for value in ("1", " -2.5e3 ", 3, 0.1)] == [1.0, -2500.0, 3.0, 0.1]
+    for value in ("1_0", "1,5", "1 0", "inf", "1 mm", "", "1e", True, [1], None):
+        with pytest.raises(UnitError):
+            number(value)
+
+
+def test_texts_of_values_are_read_back_exactly():
+    rng = random.Random(5)
+    for unit in ("m", "Pa", "degree", "kg/m^3", "N/m", "m^3", ""):
+        for _ in range(100):
+            value = rng.uniform(-1, 1) * 10 ** rng.uniform(-12, 9)
+            assert quantity(exact_text(value, unit), unit) == value
