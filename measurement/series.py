@@ -133,17 +133,23 @@ def measure_all(
 
 
 def _compared(results: list[Result], setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None) -> list[Result]:
+    """`judged`, and the pictures of what has lost its trust by it."""
+    compared = judged(results)
+    for before, after in zip(results, compared, strict=True):
+        if pictures is not None and after is not before:
+            _draw_again(after, setup, zero, tone, pictures)
+    return compared
+
+
+def judged(results: list[Result]) -> list[Result]:
     """Distrust what looks good by itself and is contradicted by the run's other photographs."""
     compared = list(results)
     outlines = {k: result.outcome for k, result in enumerate(results) if isinstance(result.outcome, Outline)}
     found = settling.doubts(list(outlines.values()))
     for (k, outline), doubt in zip(outlines.items(), found, strict=True):
-        if doubt is None:
-            continue
-        distrusted = dataclasses.replace(outline, trusted=False, reasons=(*outline.reasons, doubt))
-        compared[k] = dataclasses.replace(results[k], outcome=distrusted)
-        if pictures is not None:
-            _draw_again(compared[k], setup, zero, tone, pictures)
+        if doubt is not None:
+            distrusted = dataclasses.replace(outline, trusted=False, reasons=(*outline.reasons, doubt))
+            compared[k] = dataclasses.replace(results[k], outcome=distrusted)
     return compared
 
 

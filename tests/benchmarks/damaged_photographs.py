@@ -1,0 +1,85 @@
+"""Damaged photographs: how many are measured wrongly and trusted all the same.
+
+    OMP_NUM_THREADS=1 uv run python tests/benchmarks/damaged_photographs.py --count 1000
+    OMP_NUM_THREADS=1 uv run python tests/benchmarks/damaged_photographs.py --count 200 --kind "second lamp,dent" --list
+
+Random benches (`measurement/synthetic_bench.py`), random damages of random size and place
+(`measurement/synthetic_damages.py`), the same for the same seed. A photograph is wrong if it is trusted and its apex, or more
+than 2 % of its outline, lies off by more than 25 um and more than three times what is stated, or if more than 1 mm of outline
+is missing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import os
+import time
+
+import cv2
+
+from measurement.synthetic_bench import Bench, Run, Verdict
+from measurement.synthetic_damages import KINDS
+
+OUTCOMES = ("right", "refused", "untrusted", "wrong")
+
+
+def main() -> int:
+    """Try them, print each wrong one and the table; exit status 1 if there is a wrong one."""
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("--count", type=int, default=1000, help="damaged photographs")
+    words.add_argument("--seed", type=int, default=0, help="first bench")
+    words.add_argument("--kind", default=",".join(KINDS), help="kinds of damage, with commas")
+    words.add_argument("--tries", type=int, default=1, help="damages of each kind on each bench")
+    words.add_argument("--list", action="store_true", help="print every photograph")
+    asked = words.parse_args()
+    cv2.setNumThreads(1)
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    verdicts: list[Verdict] = []
+    started, number = time.monotonic(), asked.seed
+    while sum(verdict.kind != "none" for verdict in verdicts) < asked.count:
+        verdicts += bench(number, asked.kind.split(","), asked.tries, asked.list)
+        number += 1
+    table(verdicts)
+    print(f"{number - asked.seed} benches in {time.monotonic() - started:.0f} s")
+    return int(any(verdict.outcome == "wrong" for verdict in verdicts))
+
+
+def bench(number: int, kinds: list[str], tries: int, every: bool) -> list[Verdict]:
+    """All damages on one bench."""
+    run = Run(Bench.random(number))
+    found = list(run.good_ones())
+    for kind in kinds:
+        for seed in range(tries):
+            found += run.damaged(kind, seed)
+    for one in found:
+        if every or one.outcome == "wrong" or (one.kind == "none" and one.outcome != "right"):
+            print(
+                f"bench {one.seed}  {one.kind} ({one.what})  {one.height * 1e3:.2f} mm  {one.outcome}: {one.why}",
+                flush=True,
+            )
+    return found
+
+
+def table(verdicts: list[Verdict]) -> None:
+    """Print a row per kind in Markdown."""
+    rows: dict[str, collections.Counter[str]] = {}
+    for one in verdicts:
+        rows.setdefault(one.kind, collections.Counter()).update(
+            [one.outcome, "harmless" if one.harmless else "harmful"]
+        )
+    total = collections.Counter[str]()
+    print(f"| kind | photographs | {' | '.join(OUTCOMES)} | untrusted, though right |\n|---|{'---|' * 6}")
+    for kind, row in rows.items():
+        count = sum(row[outcome] for outcome in OUTCOMES)
+        needless = sum(one.kind == kind and one.harmless and one.outcome == "untrusted" for one in verdicts)
+        print(f"| {kind} | {count} | {' | '.join(str(row[outcome]) for outcome in OUTCOMES)} | {needless} |")
+        if kind != "none":
+            total += collections.Counter({**{name: row[name] for name in OUTCOMES}, "needless": needless})
+    counts = [str(total[outcome]) for outcome in OUTCOMES]
+    print(f"| all damaged | {sum(total[name] for name in OUTCOMES)} | {' | '.join(counts)} | {total['needless']} |")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
