@@ -13,17 +13,13 @@ from typing import Any
 
 from geometries import Actuator
 from softmodels.case import Case
+from softmodels.notes import notes_of
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.program import step_text
 from softmodels.results import Results, write_text
 from softmodels.rows import cavity_columns
-from softmodels.silicones import SILICONES, named, stretch_at_break
+from softmodels.silicones import stretch_at_break
 from softmodels.stability_report import events, stability_text
-
-DEEPEST = 0.01
-"""Depth of a contact in sizes of the device above which the user is told."""
-VOLUME_CHANGE = 0.05
-"""Change of the silicone's volume (J at a vertex less 1) above which the user is told."""
 
 
 def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
@@ -87,43 +83,10 @@ def _risen(device: Actuator, rises: dict[str, float]) -> str:
     return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
 
 
-def contact_notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A sentence on walls that have met; none if they have not."""
-    first = next((row for row in rows if row.get("walls_touch")), None)
-    if first is None:
-        return []
-    return [
-        f"at {first['pressure_cm']:.4g} cm walls that face each other have met: from there on they would press on each other, "
-        "and here they pass through; see walls_touch in path.csv, and leave more room between them (a wall and its mirror "
-        "image can be stopped at the plane between: --contact with --contact-plane)"
-    ]
-
-
-def depth_notes(case: Case, rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A sentence where faces have sunk deep into the plane that stops them."""
-    deepest = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0)
-    if case.obstacle is None or deepest <= DEEPEST * case.actuator.size * 1e3:
-        return []
-    return [
-        f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
-        f"larger --contact-stiffness than {case.obstacle.stiffness:g}"
-    ]
-
-
-def volume_note(row: Mapping[str, Any]) -> str:
-    """What a reader must know of a state's change of volume; empty if the silicone nearly kept it."""
-    if row["J_min"] >= 1 - VOLUME_CHANGE and row["J_max"] <= 1 + VOLUME_CHANGE:
-        return ""
-    return (
-        f"the silicone's own volume changed to {row['J_min']:.3f} to {row['J_max']:.3f} of what it was; rubber keeps it, so "
-        "take --poisson nearer to 0.5"
-    )
-
-
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Gather the results, draw them, say how it ended."""
     stored, took = results.stored, None
-    notes = notes_of(case, results) if stored and status != BAD_INPUT else []
+    notes = notes_of(case, results.rows) if stored and status != BAD_INPUT else []
     if stored and status != BAD_INPUT:
         try:
             gather(case, results, status, message, notes)
@@ -147,15 +110,13 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         print(f"softmodels: note: {note}", file=sys.stderr)
     if not message and not quiet:
         row, gauge = results.rows[-1], case.actuator.gauge
-        if note := volume_note(row):
-            print(f"softmodels: note: {note}", file=sys.stderr)
         print(
             f"{_loaded(row)}: {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
             f"added volume {row['added_volume_ml']:.5g} ml{_presses(row)}, "
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
             f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
         )
-        if told := stability_text(results.rows, case.actuator, _branch(results)):
+        if told := stability_text(results.rows, case.actuator, branch_rows(results)):
             print(told)
         pictures = f"; pictures (*.png), film.gif and report.html, in {took:.1f} s" if took is not None else ""
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
@@ -183,17 +144,12 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
     text = {
         "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1],
         "events": events(results.rows), "stretch_at_break": stretch_at_break(case.material),
-        "notes": list(notes),
+        "notes": list(notes), "stability": stability_text(results.rows, case.actuator, branch_rows(results)),
     }  # fmt: skip
     write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
 
 
-def notes_of(case: Case, results: Results) -> list[str]:
-    """What a reader must know of a run's states: sentences."""
-    return [*stretch_notes(case, results.rows), *contact_notes(results.rows), *depth_notes(case, results.rows)]
-
-
-def _branch(results: Results) -> list[dict[str, Any]]:
+def branch_rows(results: Results) -> list[dict[str, Any]]:
     """The rows of the branch that was followed; none if none was."""
     branch = results.branch()
     if branch.heavy.exists():
@@ -204,27 +160,6 @@ def _branch(results: Results) -> list[dict[str, Any]]:
 def _bears(case: Case) -> str:
     breaks = stretch_at_break(case.material)
     return "" if breaks is None else f" (broke at {breaks:.4g})"
-
-
-def stretch_notes(case: Case, rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What the largest stretches of a run mean for the silicone: sentences, none if it is not known or bears them."""
-    name = named(case.material)
-    if name is None:
-        return []
-    silicone, breaks = SILICONES[name], stretch_at_break(case.material)
-    most = max(rows, key=lambda row: float(row["max_stretch"]))
-    torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
-    if torn is not None:
-        return [
-            f"at {torn['pressure_cm']:.4g} cm the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at which "
-            f"{name} broke when pulled ({silicone.source}): the device tears there, and no state from there on is real"
-        ]
-    if most["max_stretch"] > silicone.stretches[1]:
-        return [
-            f"the largest stretch, {most['max_stretch']:.3g}, lies beyond {silicone.stretches[1]:g}, up to which {name} was "
-            "fitted: what stretches so far is an extrapolation"
-        ]
-    return []
 
 
 def _draw(results: Results) -> float | None:

@@ -71,12 +71,17 @@ class Obstacle:
                 f"the contact's stiffness is {self.stiffness!r}; it is a number of shear moduli per size of the device, "
                 f"{SOFTEST:g} to {STIFFEST:g}, and {STIFFNESS:g} is usual"
             )
-        if not re.fullmatch(r"\w+", self.plane):
+        if not self.on_cut:
             self._written()
 
     @property
     def roles(self) -> list[str]:
         return [role.strip() for role in self.faces.split(",") if role.strip()]
+
+    @property
+    def on_cut(self) -> bool:
+        """Whether the plane is one of the device's cut planes, named, on which walls meet their mirror image."""
+        return re.fullmatch(r"\w+", self.plane) is not None
 
     def _written(self) -> tuple[Vector, Vector]:
         """Point (m) and unit normal of a plane given by its place."""
@@ -99,7 +104,7 @@ class Obstacle:
         Raises:
             ObstacleError: An unknown cut plane, or a plane that is none of revolution beside an axisymmetric section.
         """
-        if re.fullmatch(r"\w+", self.plane):
+        if self.on_cut:
             cuts = {plane.name: plane.normal for plane in actuator.cut_planes}
             if self.plane not in cuts:
                 known = f"its cut planes are {', '.join(cuts)}" if cuts else "it has no cut planes"

@@ -87,7 +87,16 @@ def _curves(states: States, out: Folder) -> None:
         step: plots.profile(states.points, states.field(step, "displacement"), actuator)
         for step in plots.profile_steps(states.rows, actuator.gauge)
     }
-    out.save("profile", plots.profiles(lines, rest, states.rows, actuator.axial))
+    out.save("profile", plots.profiles(lines, rest, states.rows, actuator.axial, _plate(states)))
+
+
+def _plate(states: States) -> float | None:
+    """Height in m of a rigid plane across the lift that stops the device; None if there is none or it stands otherwise."""
+    obstacle = states.case.obstacle
+    if obstacle is None or obstacle.on_cut:
+        return None
+    point, normal = obstacle.place(states.actuator)
+    return point[2] if abs(normal[2]) > 1 - 1e-12 else None
 
 
 def _sections(states: States, out: Folder) -> None:
@@ -96,8 +105,7 @@ def _sections(states: States, out: Folder) -> None:
     points, moved, cells = states.points, states.moved(step), states.cells
     out.save("mesh", sections.section_mesh(points, cells))
     values = states.field(step, "von_mises_stress")
-    obstacle = states.case.obstacle
-    plate = None if obstacle is None else obstacle.place(states.actuator)[0][2]
+    plate = _plate(states)
     out.save("slice", sections.section_stress(points, moved, cells, values, states.rows[step], gauge, plate))
     stretch, limit, hot = stills.hottest(states, step)
     title = stills.hot_title(states, limit)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geometries import Actuator
+from softmodels.glossary import term
 from softmodels.pages import BRANCH, CURVE, DPI, EDGE, LINES, WARNING, WIDTH, Array, Row, number
 from softmodels.stability_report import jumped_over
 from softmodels.triangles import parabolas
@@ -17,6 +18,8 @@ from softmodels.triangles import parabolas
 FEW = 2
 """Up to this many requested values, the profile shows steps in between as well."""
 LEGEND_LINES = 12
+FORCES = ("contact_force_N", "blocked_force_N")
+"""Columns that get a curve of their own where a device presses on something."""
 
 
 def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence[Row] = ()) -> Figure:
@@ -46,18 +49,25 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence
     return figure
 
 
-def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = ()) -> Figure:
-    """The gauge's rise and the added volume over the pressure, side by side; arguments as of `rise`."""
-    figure = Figure((WIDTH, 4.2), dpi=DPI, layout="constrained")
-    wanted = ((f"{gauge}_mm", f"{gauge} rise in mm"), ("added_volume_ml", "added volume in ml"))
-    for axes, (column, label) in zip(figure.subplots(1, 2), wanted, strict=True):
+def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = ()) -> list[Figure]:
+    """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
+
+    Arguments as of `rise`. One figure each, so that a narrow page puts them below each other.
+    """
+    wanted = [(f"{gauge}_mm", f"rise of the {gauge} in mm"), ("added_volume_ml", "added volume in ml")]
+    wanted += [(name, f"{term(name).name} in N") for name in FORCES if name in rows[0]]
+    figures = []
+    for column, label in wanted:
+        figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")
+        axes = figure.subplots()
         _path(axes, rows, column, branch)
         for name, colour, marker, events in _events(rows):
             places = [[row[key] for row in events] for key in ("pressure_cm", column)]
             axes.plot(*places, marker, color=colour, markersize=8, label=name)
         axes.set(xlabel="pressure in cm of water", ylabel=label)
         axes.legend(loc="best")
-    return figure
+        figures.append(figure)
+    return figures
 
 
 def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
@@ -165,7 +175,9 @@ def profile_steps(rows: Sequence[Row], gauge: str) -> list[int]:
     return sorted(shown)
 
 
-def profiles(lines: Mapping[int, Array], rest: Array, rows: Sequence[Row], axial: bool = True) -> Figure:
+def profiles(
+    lines: Mapping[int, Array], rest: Array, rows: Sequence[Row], axial: bool = True, plate: float | None = None
+) -> Figure:
     """The line on the outer surface that a camera sees from the side.
 
     Args:
@@ -173,9 +185,11 @@ def profiles(lines: Mapping[int, Array], rest: Array, rows: Sequence[Row], axial
         rest: The undeformed outline.
         rows: All rows of ``path.csv``.
         axial: The device is one of revolution, whose outline goes on beyond its axis.
+        plate: Height in m of a rigid plane that stops the device.
     """
     everything = np.concatenate([rest, *lines.values()]) * 1e3
-    right, low, high = everything[:, 0].max(), everything[:, 1].min(), everything[:, 1].max()
+    heights = everything[:, 1] if plate is None else np.append(everything[:, 1], 1e3 * plate)
+    right, low, high = everything[:, 0].max(), heights.min(), heights.max()
     left, right = (-1.04 * right, 1.04 * right) if axial else (everything[:, 0].min() - 0.04 * right, 1.04 * right)
     tall = max(high - low, 0.25 * (right - left)) * 1.16
     bottom = low - 0.08 * tall
@@ -194,6 +208,8 @@ def profiles(lines: Mapping[int, Array], rest: Array, rows: Sequence[Row], axial
         place = "\n(limit point)" if step == turned else "\n(past the limit)" if step > turned else ""
         label = f"{number(rows[step]['pressure_cm'])} cm{place}" if step in names else None
         axes.plot(*_outline(line, axial).T, color=colour, label=label)
+    if plate is not None:
+        axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--", label="rigid plane")
     axes.set(xlabel=f"distance from the {'axis' if axial else 'clamped base'} in mm", ylabel="height in mm")
     axes.set_title("Outer surface of the membrane" if axial else "Upper face in the middle, from the side")
     axes.legend(title="water column", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")

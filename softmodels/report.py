@@ -10,6 +10,8 @@ import dataclasses
 import html
 import io
 import json
+from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,13 @@ from PIL import Image as Picture
 
 from geometries import table as geometry_table
 from softmodels import material_table, plots, program_plots
-from softmodels.closing import volume_note
+from softmodels.glossary import term
+from softmodels.notes import left_out, notes_of
 from softmodels.outcomes import DONE, NO_EQUILIBRIUM
 from softmodels.pages import STYLE, load
 from softmodels.results import write_text
 from softmodels.rows import cavity_columns
+from softmodels.stability_report import stability_text
 from softmodels.states import States
 from softmodels.viewer import view
 from softmodels.views import Look
@@ -36,6 +40,7 @@ CAPTIONS = {
     "cut.png": "Cut open; the cut is made in the undeformed material",
     "hot-spots.png": "Where the silicone is stretched most",
     "slice.png": "The modelled part; thin lines: undeformed",
+    "mode.png": "The mode at the first bifurcation: how the device can leave its shape there; its size is arbitrary",
     "profile.png": "Outline from the side",
     "mesh.png": "The mesh",
 }
@@ -52,44 +57,66 @@ def write(look: Look, folder: Path, name: str) -> Path:
         The file.
     """
     states = look.states
+    told = summary(folder)
     parts = [
         f"<h1>{html.escape(name)}</h1>",
-        f'<p class="lead">{html.escape(ending(states, folder))}</p>',
-        "<h2>In 3-D</h2>", view(look),
-        "<h2>The path</h2>", _curves(states),
+        f'<p class="lead">{html.escape(ending(states, told))}</p>',
+        _warnings(told["notes"] if "notes" in told else notes_of(states.case, states.rows)),
+        '<h2 class="screen">In 3-D</h2>', view(look),
+        "<h2>The path</h2>", _curves(states), _contact(states),
         _requested(states),
         "<h2>Pictures</h2>", *(_picture(folder / stem, text) for stem, text in CAPTIONS.items()),
         "<h2>The case</h2>", _device(states), _material(states), _load(states),
         "<h2>What to know</h2>", _notes(states),
-        "<details><summary>All steps</summary>", _table(states.rows, states.rows), "</details>",
+        "<h2>What the columns are</h2>", _glossary(states),
+        "<details><summary>All steps</summary>", _table(states.rows, states.rows, states), "</details>",
         f"<details><summary>case.toml</summary><pre>{html.escape(states.case.to_toml())}</pre></details>",
     ]  # fmt: skip
+    style = resources.files("softmodels").joinpath("report.css").read_text()
     page = (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(name)}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
-        f"<style>{CSS}</style></head><body><main>\n" + "\n".join(parts) + "\n</main></body></html>\n"
+        f"<style>{style}</style></head><body><main>\n" + "\n".join(parts) + "\n</main></body></html>\n"
     )
     write_text(folder / REPORT, page)
     return folder / REPORT
 
 
-def ending(states: States, folder: Path) -> str:
-    """How the run ended, in a sentence or two."""
+def summary(folder: Path) -> dict[str, Any]:
+    """What ``summary.json`` tells of how the run ended; nothing if it has not ended by itself."""
+    try:
+        found = json.loads((folder / "summary.json").read_text())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def ending(states: States, told: dict[str, Any]) -> str:
+    """How the run ended, in a sentence or two; ``told`` is its `summary`."""
     row, gauge = states.rows[states.main], states.actuator.gauge
     reached = (
-        f"At {load(row)} the {gauge} has moved {row[f'{gauge}_mm']:+.4g} mm and "
+        f"At {load(row)} the {gauge} has risen {row[f'{gauge}_mm']:.4g} mm and "
         f"{_taker(row)} taken {row['added_volume_ml']:.4g} ml"
     )
     if "max_stretch" in row:
-        reached += f"; the largest stretch is {row['max_stretch']:.3g}"
-    try:
-        summary = json.loads((folder / "summary.json").read_text())
-    except (OSError, ValueError):
+        reached += f"; the largest stretch is {row['max_stretch']:.4g}"
+    for name in ("blocked_force_N", "contact_force_N"):
+        if name in row:
+            reached += f"; the {term(name).name} is {row[name]:.4g} N"
+    if not told:
         return f"The run has not ended by itself; {len(states.rows)} states are stored. {reached}."
-    if summary.get("status") == DONE:
+    if told.get("status") == DONE:
         return f"All requested values were reached in {len(states.rows)} states. {reached}."
-    start = "The run stopped at a limit point" if summary.get("status") == NO_EQUILIBRIUM else "The run failed"
-    return f"{start}: {summary.get('message', '')}. {reached}."
+    start = "The run stopped at a limit point" if told.get("status") == NO_EQUILIBRIUM else "The run failed"
+    return f"{start}: {told.get('message', '')}. {reached}."
+
+
+def _warnings(notes: Sequence[str]) -> str:
+    """What the run warned of, where nobody overlooks it."""
+    if not notes:
+        return ""
+    lines = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
+    return f'<section class="warn"><p>The run warned:</p><ul>{lines}</ul></section>'
 
 
 def _taker(row: dict[str, Any]) -> str:
@@ -97,46 +124,67 @@ def _taker(row: dict[str, Any]) -> str:
 
 
 def _curves(states: States) -> str:
-    stream = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
-        gauge = states.actuator.gauge
-        program = states.case.program
-        figure = program_plots.steps(states.rows, gauge) if program else plots.curves(states.rows, gauge, states.branch)
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        rows, gauge = states.rows, states.actuator.gauge
+        if states.case.program:
+            return f'<figure class="wide">{_svg(program_plots.steps(rows, gauge))}</figure>'
+        found = [f"<figure>{_svg(figure)}</figure>" for figure in plots.curves(rows, gauge, states.branch)]
+        return f'<div class="curves">{"".join(found)}</div>'
+
+
+def _svg(figure: Any) -> str:
+    stream = io.StringIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = stream.getvalue()
-    return f'<figure class="curves">{text[text.index("<svg") :]}</figure>'
+    return text[text.index("<svg") :]
+
+
+def _contact(states: States) -> str:
+    """The rigid plane of a run, and the force on it, in a sentence."""
+    obstacle = states.case.obstacle
+    if obstacle is None:
+        return ""
+    text = f"The rigid plane {obstacle.plane} stops {obstacle.faces} without friction (red in the pictures)."
+    pressed = [row for row in states.rows if row.get("contact_force_N", 0.0) > ROUNDING]
+    if not pressed:
+        return f"<p>{html.escape(text)} Nothing reached it.</p>"
+    first, row = pressed[0], states.rows[states.main]
+    text += (
+        f" The device pressed on it from the state at {load(first)} on; at {load(row)} with {row['contact_force_N']:.4g} N, "
+        f"sunk in by {row['contact_depth_mm']:.2g} mm."
+    )
+    return f"<p>{html.escape(text)}</p>"
 
 
 def _requested(states: States) -> str:
     asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
-    return f"<h2>Requested values</h2>{_table(asked, states.rows)}"
+    return f"<h2>Requested values</h2>{_table(asked, states.rows, states)}"
 
 
-def _table(rows: list[dict[str, Any]], every: list[dict[str, Any]]) -> str:
+def _table(rows: list[dict[str, Any]], every: list[dict[str, Any]], states: States) -> str:
     """Rows of ``path.csv`` side by side: one line per column of the file. The exact value is each cell's title."""
-    names = [name for name in every[0] if name != "requested"]
+    probes = tuple(states.actuator.probes)
     lines = []
-    for name in names:
+    for name in (name for name in every[0] if name != "requested"):
         cells = "".join(
             f'<td title="{html.escape(str(row.get(name, "")))}">{_shown(row.get(name))}</td>' for row in rows
         )
-        lines.append(f"<tr><th>{html.escape(_words(name))}</th>{cells}</tr>")
+        meaning = term(name, probes)
+        lines.append(f'<tr><th title="{html.escape(meaning.text)}">{html.escape(str(meaning))}</th>{cells}</tr>')
     return f'<div class="wide"><table class="path">{"".join(lines)}</table></div>'
 
 
-def _words(column: str) -> str:
-    """A column's name with its unit in brackets: ``apex_mm`` is "apex (mm)"."""
-    stem, _, unit = column.rpartition("_")
-    units = {"cm", "mm", "ml", "Pa", "kPa", "mJ", "N", "deg"}
-    if column.endswith("_N_per_m"):
-        stem, unit = column.removesuffix("_N_per_m"), "N/m"
-    elif column.endswith("_Pa_per_mm2"):
-        stem, unit = column.removesuffix("_Pa_per_mm2"), "Pa/mm²"
-    elif column.endswith("_per_m"):
-        stem, unit = column.removesuffix("_per_m"), "1/m"
-    elif unit not in units:
-        return column.replace("_", " ")
-    return f"{stem.replace('_', ' ')} ({unit})"
+def _glossary(states: States) -> str:
+    """What each column of the tables is."""
+    probes = tuple(states.actuator.probes)
+    lines = []
+    for name in states.rows[0]:
+        if (meaning := term(name, probes)).text:
+            lines.append(
+                f"<dt>{html.escape(str(meaning))} <code>{html.escape(name)}</code></dt>"
+                f"<dd>{html.escape(meaning.text)}</dd>"
+            )
+    return f"<dl>{''.join(lines)}</dl>"
 
 
 def _shown(value: Any) -> str:
@@ -207,6 +255,8 @@ def _load(states: States) -> str:
         rows.append(("sheet", f"{case.sheet.face}, {case.sheet.stiffness:g} N/m", "bonded thin sheet"))
     if case.obstacle is not None:
         rows.append(("contact", f"{case.obstacle.faces} on {case.obstacle.plane}", "rigid plane without friction"))
+        unit = "shear moduli of pressure per sinking in by one size of the device"
+        rows.append(("contact stiffness", f"{case.obstacle.stiffness:g}", unit))
     return _parameters("Load and solver", rows)
 
 
@@ -219,13 +269,13 @@ def _parameters(title: str, rows: list[tuple[str, Any, str]]) -> str:
         f"<td>{html.escape(words)}</td></tr>"
         for name, value, words in rows
     )
-    return f"<h3>{html.escape(title)}</h3><table>{lines}</table>"
+    return f'<h3>{html.escape(title)}</h3><div class="wide"><table>{lines}</table></div>'
 
 
 def _notes(states: States) -> str:
     """What a reader has to know before trusting a number."""
-    row, actuator = states.rows[states.main], states.actuator
-    notes = [volume_note(row)] if "J_min" in row else []
+    actuator = states.actuator
+    notes = [stability_text(states.rows, actuator, states.branch)]
     notes += [
         f"limit point of the pressure at {limit['pressure_cm']:.5g} cm ({limit['pressure_Pa'] / 1e3:.4g} kPa): under "
         "pressure alone the device jumps there"
@@ -242,24 +292,5 @@ def _notes(states: States) -> str:
     notes.append(
         "the largest stress and stretch converge only at rounded corners; at sharp ones they grow with a finer mesh"
     )
-    notes.append("the silicone is elastic; weight, viscosity and contact of walls are not in the model")
+    notes.append(left_out(states.case))
     return "<ul>" + "".join(f"<li>{html.escape(note)}</li>" for note in notes if note) + "</ul>"
-
-
-CSS = """
-body{font:16px/1.5 system-ui,sans-serif;color:#102a43;background:#f5f7fa;margin:0}
-main{max-width:1100px;margin:0 auto;padding:1.5rem;background:#fff}
-h1{margin:.2em 0}h2{margin:1.6em 0 .5em;border-bottom:1px solid #d9e2ec}h3{margin:1.2em 0 .3em}
-.lead{font-size:1.1em}.note{color:#627d98;font-size:.9em;margin:.3em 0}
-figure{margin:1.2em 0;text-align:center}img{max-width:100%;height:auto}figcaption{color:#627d98;font-size:.9em}
-.curves svg{width:100%;height:auto}
-table{border-collapse:collapse;font-size:.92em}th,td{padding:.15em .7em;border-bottom:1px solid #e4e7eb;text-align:left}
-th{font-weight:500}.wide{overflow-x:auto}.path td{text-align:right;font-variant-numeric:tabular-nums}
-.path th{position:sticky;left:0;background:#fff;white-space:nowrap}
-details{margin:1em 0}summary{cursor:pointer}pre{background:#f5f7fa;padding:1em;overflow-x:auto}
-#viewer canvas{width:100%;height:520px;display:block;border:1px solid #d9e2ec;touch-action:none;cursor:grab}
-#viewer.off canvas,#viewer.off .bar{display:none}
-.bar{display:flex;flex-wrap:wrap;gap:.7em;align-items:center;padding:.4em 0}.bar #viewer-step{flex:1;min-width:10em}
-.colours{margin-left:auto;display:flex;gap:.5em;align-items:center;font-size:.9em}
-.colours i{display:inline-block;width:10em;height:.8em}
-"""

@@ -18,9 +18,10 @@ import numpy as np
 
 from geometries import MeshingError
 from softmodels.case import Case, CaseError
-from softmodels.closing import close, explain, explain_step, gather, notes_of
+from softmodels.closing import close, explain, explain_step, gather
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.materials import MaterialError
+from softmodels.notes import notes_of
 from softmodels.obstacle import ObstacleError
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, start
@@ -272,7 +273,7 @@ def _follow_branch(
             _stop_if_asked(comm, stopped)
     except (PathEnd, NoConvergence) as end:
         progress.say(f"the branch was followed no further: {end}")
-    on_root(comm, lambda: gather(case, aside, DONE, "", notes_of(case, aside)) if aside.stored else None)
+    on_root(comm, lambda: gather(case, aside, DONE, "", notes_of(case, aside.rows)) if aside.stored else None)
 
 
 def _stop_if_asked(comm: Any, stopped: list[int]) -> None:

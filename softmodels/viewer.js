@@ -126,6 +126,8 @@
   };
   const start = { towards: unit(meta.direction), up: meta.up, focus: meta.focus, scale: meta.scale };
   let eye = { ...start }, shown = null;
+  // Half the picture's height: on a narrow screen the device's width decides it.
+  const half = () => eye.scale * Math.max(1, (meta.aspect * canvas.clientHeight) / canvas.clientWidth);
   const state = () => ({ step: +find("step").value, field: +find("field").value, through: find("through").checked,
     axis: +find("axis").value, cut: +find("cut").value });
 
@@ -149,7 +151,7 @@
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(1, 1, 1, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); gl.enable(gl.DEPTH_TEST);
     const right = unit(cross(eye.up, eye.towards)), above = cross(eye.towards, right);
-    const y = 1 / eye.scale, x = (y * tall) / wide, z = 1 / (6 * meta.scale * Math.max(1, wide / tall));
+    const y = 1 / half(), x = (y * tall) / wide, z = 1 / (6 * meta.scale * Math.max(1, meta.aspect, wide / tall));
     const row = (axis, s) => [...axis.map((v) => s * v), -s * dot(axis, eye.focus)];
     const [a, b, c] = [row(right, x), row(above, y), row(eye.towards, -z)];
     gl.uniformMatrix4fv(uniform("view"), false, [0, 1, 2, 3].flatMap((i) => [a[i], b[i], c[i], i === 3 ? 1 : 0]));
@@ -198,7 +200,7 @@
       const gap = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]) || 1;
       eye.scale *= gap(before) / gap(now);
     } else if (e.shiftKey || e.buttons === 2 || e.buttons === 4) {
-      const s = (2 * eye.scale) / canvas.clientHeight;
+      const s = (2 * half()) / canvas.clientHeight;
       eye.focus = add(add(eye.focus, right, -dx * s), cross(eye.towards, right), dy * s);
     } else {
       let towards = turned(eye.towards, eye.up, -dx * 0.008);

@@ -116,7 +116,7 @@ def packed(look: Look, steps: list[int]) -> tuple[dict[str, Any], bytes]:
         "images": skin.images.reshape(-1, 9).round(12).tolist(),
         "box": [rest.min(axis=0).tolist(), rest.max(axis=0).tolist()],
         "direction": list(camera.direction), "up": list(camera.up), "focus": list(camera.focus),
-        "scale": 1.1 * camera.scale, "colours": colours.tolist(), "fields": fields,
+        "scale": 1.1 * camera.scale, "aspect": camera.size[0] / camera.size[1], "colours": colours.tolist(), "fields": fields,
         "steps": [{"step": step, "label": headline(states.rows[step], states.actuator.gauge)} for step in steps],
     }  # fmt: skip
     return meta, gzip.compress(b"".join(pieces), 6, mtime=0)

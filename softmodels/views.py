@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.pages import EDGE, INK, Scale
+from softmodels.pages import EDGE, INK, WARNING, Scale
 from softmodels.rendering import PIXELS, Camera, lines, surface
 from softmodels.skin import CUT, OUTSIDE
 from softmodels.states import States
@@ -48,7 +48,43 @@ class Look:
 
     def camera(self, steps: list[int], width: int = PIXELS, tallest: float = 0.62) -> Camera:
         """The camera that sees the whole of some states."""
-        return Camera.around([self.points(step) for step in steps], self.direction, self.up, width, tallest)
+        clouds = [self.points(step) for step in steps]
+        if self.plate is not None:
+            clouds.append(self.plate)
+        return Camera.around(clouds, self.direction, self.up, width, tallest)
+
+    @functools.cached_property
+    def plate(self) -> Array | None:
+        """Corners of the rigid plane that stops the device, as far as it is drawn, in m, shape (k, 3); None without one.
+
+        A cut plane on which walls meet their mirror image is the device's own middle, and is not drawn.
+        """
+        obstacle, skin = self.states.case.obstacle, self.states.skin
+        if obstacle is None or obstacle.on_cut:
+            return None
+        point, normal = (np.asarray(vector) for vector in obstacle.place(self.states.actuator))
+        shown = np.concatenate([skin.device(skin.points(self.states.moved(step))) for step in (0, self.states.main)])
+        first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+        along = np.array([first / np.linalg.norm(first), np.cross(normal, first / np.linalg.norm(first))])
+        flat = (shown - point) @ along.T
+        middle, half = (flat.min(axis=0) + flat.max(axis=0)) / 2, np.ptp(flat, axis=0) / 2
+        if self.states.actuator.axial and abs(normal @ self.up) > 1 - 1e-9:
+            around = np.linspace(0.0, 2 * np.pi, 97)[:-1]
+            corners = np.column_stack([np.cos(around), np.sin(around)])
+        else:
+            corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+        return np.asarray(point + (middle + half * corners) @ along)
+
+    def plate_layers(self) -> list[Any]:
+        """Layers of the rigid plane: translucent, with a border; none without one."""
+        if self.plate is None:
+            return []
+        count = len(self.plate)
+        fan = np.column_stack([np.zeros(count - 2, int), np.arange(1, count - 1), np.arange(2, count)])
+        ring = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
+        style = {"color": WARNING, "opacity": 0.05, "ambient": 1.0}
+        border = {"color": WARNING, "line_width": 2.0}
+        return [(surface(self.plate, fan), style), (lines(self.plate, ring), border)]
 
     def scale(self, steps: Sequence[int], field: str = "von_mises_stress") -> Scale:
         """One scale for what is seen in some states: everything where a cut is seen, else the outside alone."""
@@ -70,7 +106,7 @@ class Look:
         if self.opened:
             pairs = np.concatenate([pairs, self.open_rims])
         edges = [(lines(shown, pairs), {"color": INK, "line_width": 1.5})] if len(pairs) else []
-        return [(data, style), *edges]
+        return [(data, style), *edges, *self.plate_layers()]
 
     def translucent(self, step: float, opacity: float, walls: dict[str, Any]) -> list[Any]:
         """Layers of a state with a translucent outside; its cavities' walls in a style, opaque ones first."""

@@ -1,0 +1,118 @@
+"""What a report tells beside its pictures: the run's warnings, its contact, its mode, and what every column is."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from importlib import resources
+
+import pytest
+from PIL import Image
+
+from geometries import HollowDisk, SeminarActuator
+from softmodels import report
+from softmodels.glossary import term
+from softmodels.states import States
+from softmodels.views import look
+
+SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:120:60", "--quiet")
+"""Stretches the silicone beyond what it was fitted over."""
+
+
+def page(folder):
+    """The report of a folder, written anew without pictures."""
+    return report.write(look(States(folder, "disk")), folder, "disk").read_text()
+
+
+@pytest.fixture(scope="module")
+def stretched(runs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stretched") / "disk"
+    assert runs.disk(folder, *SOFT).status == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pressed(runs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pressed") / "disk"
+    plate = ("--support", "base", "--contact", "top", "--contact-plane", "z = 17mm", "--quiet")
+    assert runs.disk(folder, "--pressure-cm", "0:177:59", *plate).status == 0
+    return folder
+
+
+def test_the_runs_warnings_stand_at_the_top_of_its_report(stretched):
+    notes = json.loads((stretched / "summary.json").read_text())["notes"]
+    assert any("up to which ecoflex-00-30 was fitted" in note for note in notes)
+    text = page(stretched)
+    warned = text.split('<section class="warn">')[1].split("</section>")[0]
+    assert warned.count("<li>") == len(notes) and "extrapolation" in warned
+    assert text.index("extrapolation") < text.index("In 3-D")
+
+
+def test_warnings_are_there_without_a_summary_too(stretched, tmp_path):
+    """A run that was killed has none; the states alone tell."""
+    text = (stretched / "summary.json").read_text()
+    (stretched / "summary.json").unlink()
+    try:
+        assert "extrapolation" in page(stretched) and "has not ended by itself" in page(stretched)
+    finally:
+        (stretched / "summary.json").write_text(text)
+
+
+def test_a_quiet_run_has_no_warnings(pressed):
+    assert 'class="warn"' not in page(pressed)
+
+
+def test_a_contact_runs_report_tells_plane_and_force(pressed):
+    with (pressed / "path.csv").open() as file:
+        force = float(list(csv.DictReader(file))[-1]["contact_force_N"])
+    text = page(pressed)
+    assert "The rigid plane z = 17mm stops top without friction" in text
+    assert f"the contact force is {force:.4g} N" in text
+    assert "<!-- contact force in N -->" in text, "no curve of the force"
+    assert "contact of walls are not in the model" not in text and "stops top alone" in text
+
+
+def test_the_plane_is_in_the_pictures_and_a_cut_plane_is_not(pressed):
+    shown = look(States(pressed, "disk"))
+    assert shown.plate is not None and shown.plate[:, 2] == pytest.approx(0.017)
+    assert len(shown.plate_layers()) == 2
+
+
+def test_the_mode_is_in_the_report(pressed):
+    Image.new("RGB", (1600, 400), "red").save(pressed / "mode.png")
+    try:
+        assert "The mode at the first bifurcation" in page(pressed)
+    finally:
+        (pressed / "mode.png").unlink()
+
+
+def test_every_column_is_explained_with_its_unit(pressed, stretched):
+    for folder, probes in ((pressed, HollowDisk().probes), (stretched, HollowDisk().probes)):
+        header = (folder / "path.csv").read_text().splitlines()[0].split(",")
+        for column in header:
+            meaning = term(column, tuple(probes))
+            assert meaning.text, column
+            assert bool(meaning.unit) == bool(re.search(r"_(cm|mm|ml|Pa|kPa|mJ|N|deg|per_m|per_mm2)$", column)), column
+        text = page(folder)
+        assert all(f"<code>{column}</code>" in text for column in header)
+    slab = SeminarActuator()
+    for column in slab.device_figures(slab.probes):
+        assert term(column, tuple(slab.probes)).text, column
+
+
+def test_the_page_fits_a_phone_and_paper(pressed):
+    text = page(pressed)
+    assert 'name="viewport" content="width=device-width' in text
+    style = resources.files("softmodels").joinpath("report.css").read_text()
+    assert style in text
+    for rule in (
+        r"img\{max-width:100%",
+        r"svg\{max-width:100%",
+        r"\.wide\{[^}]*overflow-x:auto",
+        r"@media print",
+        r"@media \(max-width",
+    ):
+        assert re.search(rule, style), rule
+    # No table and no text of fixed width stands outside of what scrolls by itself.
+    assert all(text[: found.start()].endswith('<div class="wide">') for found in re.finditer(r"<table", text))
