@@ -12,7 +12,7 @@ The same from a shell is ``python -m geometries HollowDisk --membrane 4mm -o dis
 
 from geometries.actuator import Actuator, CutPlane, Hold
 from geometries.disk import HollowDisk
-from geometries.errors import GeometryError, MeshingError
+from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
 from geometries.imported import ImportedActuator
 from geometries.seminar import SeminarActuator
 
@@ -31,6 +31,8 @@ __all__ = [
     "Hold",
     "HollowDisk",
     "ImportedActuator",
+    "MeshFileError",
     "MeshingError",
+    "MeshingStopped",
     "SeminarActuator",
 ]

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -259,6 +260,11 @@ class Actuator(ABC):
     def mesh_order(self) -> int:
         """Polynomial order of the cells' geometry."""
 
+    @property
+    def expected_cells(self) -> float:
+        """Roughly how many cells the mesh will have, within a factor of two or so; infinite where that is not known."""
+        return math.inf
+
     def device_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points of the mesh in device coordinates.
 
@@ -273,11 +279,12 @@ class Actuator(ABC):
             return points
         return np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
 
-    def write(self, path: str | Path) -> Path:
+    def write(self, path: str | Path, stopped: Callable[[], bool] = bool) -> Path:
         """Mesh the device and write it as a Gmsh file (MSH 4.1, m).
 
         Args:
             path: File ending in ``.msh`` in an existing folder; it is replaced only once the new mesh is complete.
+            stopped: Asked several times a second while a mesh that takes longer is made; once true, the mesher is killed.
 
         Returns:
             The path.
@@ -285,8 +292,9 @@ class Actuator(ABC):
         Raises:
             GeometryError: The name does not end in ``.msh``.
             MeshingError: Gmsh failed or made cells that are turned inside out.
+            MeshingStopped: ``stopped`` was true.
             OSError: The folder is missing or cannot be written.
         """
         from geometries.meshing import write_mesh
 
-        return write_mesh(self, Path(path))
+        return write_mesh(self, Path(path), stopped)

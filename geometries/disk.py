@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.disk_cells import expected_cells
 from geometries.disk_checks import check_disk
 from geometries.fields import angle_field, choice_field, length_field, number_field
 
@@ -92,6 +93,10 @@ class HollowDisk(Actuator):
     @property
     def mesh_order(self) -> int:
         return self.order
+
+    @property
+    def expected_cells(self) -> float:
+        return expected_cells(self)
 
     @property
     def copies(self) -> int:

@@ -1,4 +1,4 @@
-"""What can go wrong with a geometry: parameters that make no device, and a mesher that gives up."""
+"""What can go wrong with a geometry: parameters that make no device, a mesher that gives up, a file that is no mesh."""
 
 
 class GeometryError(ValueError):
@@ -7,3 +7,11 @@ class GeometryError(ValueError):
 
 class MeshingError(RuntimeError):
     """The mesher failed on parameters that look possible; the message says what failed and what to try."""
+
+
+class MeshingStopped(Exception):
+    """The caller asked for an end while a mesh was being made."""
+
+
+class MeshFileError(ValueError):
+    """A file that is not a mesh as this project writes them; the message is a sentence for the user naming the file."""

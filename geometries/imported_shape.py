@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometries.actuator import Vector
-from geometries.errors import GeometryError
+from geometries.apart import apart
+from geometries.errors import GeometryError, MeshingError
+from geometries.fields import shown
+from geometries.imported_cells import MOST_TRIANGLES, expected_triangles
 from geometries.imported_roles import cavity_role, extent, find_roles, outward
 from geometries.selections import point
 
@@ -39,7 +42,7 @@ class Reading:
 
 @functools.lru_cache(maxsize=32)
 def read_part(part: ImportedActuator, digest: str) -> Reading:
-    """Open the file and check every choice against it.
+    """Open the file, in a process of its own, and check every choice against it.
 
     Args:
         part: The part.
@@ -48,6 +51,13 @@ def read_part(part: ImportedActuator, digest: str) -> Reading:
     Raises:
         GeometryError: A file or a choice that makes no device.
     """
+    try:
+        return apart(_read, part)
+    except MeshingError as error:
+        raise GeometryError(f"file {part.file} cannot be read: {error}") from None
+
+
+def _read(part: ImportedActuator) -> Reading:
     import gmsh  # type: ignore[import-untyped]
 
     from geometries.meshing import private_model
@@ -55,6 +65,12 @@ def read_part(part: ImportedActuator, digest: str) -> Reading:
     with private_model():
         solid = _open(part)
         roles = find_roles(part, solid)
+        expected = expected_triangles(solid, part.cell_size, max(part.curvature, FINE))
+        if expected > MOST_TRIANGLES:
+            raise GeometryError(
+                f"cell_size is {shown(part.cell_size, 'm')} with curvature {part.curvature:g}; about {expected:.2g} triangles "
+                f"are expected on the part's faces and {MOST_TRIANGLES:,} are allowed"
+            )
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FINE)
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
         gmsh.model.mesh.generate(2)

@@ -8,16 +8,19 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import errno
+import math
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
+from geometries.mesh_files import load_mesh
 from geometries.mirroring import mirror_mesh
 
 if TYPE_CHECKING:
@@ -55,6 +58,12 @@ LEAST_QUALITY = 0.05
 
 EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
 """Ends of the edges of a second-order triangle (the first three) or tetrahedron, in Gmsh's order of nodes."""
+
+MOST_CELLS = 5_000_000
+"""More than a machine of 100 GB solves for."""
+
+QUICK = 10_000
+"""Up to this many cells a device is meshed within a second or so, in this very process."""
 
 ROUNDS = 10
 """How often straightened cells may spoil their neighbours before that is given up."""
@@ -116,10 +125,8 @@ def _renew_handlers() -> None:
             signal.signal(number, handler)
 
 
-def write_mesh(actuator: Actuator, path: Path) -> Path:
+def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = bool) -> Path:
     """Mesh a device into a file; see `Actuator.write`, which is the way to call this."""
-    import gmsh
-
     if path.suffix != ".msh":
         raise GeometryError(f"path is {str(path)!r}; the name of a mesh file must end in .msh")
     if path.is_dir():
@@ -131,20 +138,10 @@ def write_mesh(actuator: Actuator, path: Path) -> Path:
     except OSError as error:
         raise OSError(error.errno, f"cannot write in this folder: {error.strerror}", str(path.parent)) from None
     try:
-        with private_model():
-            try:
-                actuator.build()
-                _generate(actuator)
-                for mirror in actuator.mirrors:
-                    mirror_mesh(mirror)
-                gmsh.write(str(partial))
-            except (GeometryError, MeshingError):
-                raise
-            except Exception as error:  # Gmsh raises bare Exception
-                raise MeshingError(
-                    f"Gmsh could not mesh {type(actuator).__name__}: {str(error).strip() or 'no reason given'}; "
-                    f"try a larger fillet (or none) or another cell size"
-                ) from error
+        if actuator.expected_cells <= QUICK:
+            _make(actuator, partial)
+        else:
+            apart(_make, actuator, partial, stopped=stopped)
         # Gmsh does not tell of a full disk: its file then ends early.
         if LAST_WORDS not in partial.read_bytes()[-2 * len(LAST_WORDS) :]:
             raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
@@ -152,6 +149,26 @@ def write_mesh(actuator: Actuator, path: Path) -> Path:
     finally:
         partial.unlink(missing_ok=True)
     return path
+
+
+def _make(actuator: Actuator, path: Path) -> None:
+    """Mesh a device into a file with a private model of Gmsh's."""
+    import gmsh
+
+    with private_model():
+        try:
+            actuator.build()
+            _generate(actuator)
+            for mirror in actuator.mirrors:
+                mirror_mesh(mirror)
+            gmsh.write(str(path))
+        except (GeometryError, MeshingError):
+            raise
+        except Exception as error:  # Gmsh raises bare Exception
+            raise MeshingError(
+                f"Gmsh could not mesh {type(actuator).__name__}: {str(error).strip() or 'no reason given'}; "
+                f"try a larger fillet (or none) or another cell size"
+            ) from error
 
 
 def summarize(path: str | Path) -> MeshSummary:
@@ -162,14 +179,13 @@ def summarize(path: str | Path) -> MeshSummary:
 
     Raises:
         FileNotFoundError: No such file.
+        MeshFileError: Not a complete mesh.
         MeshingError: The file holds no cells.
     """
     import gmsh
 
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"{path} is not a file")
     with private_model():
-        gmsh.merge(str(path))
+        load_mesh(path)
         cells = _cells(gmsh.model.getDimension())
         if cells.size == 0:
             raise MeshingError(f"{path} holds no cells")
@@ -182,6 +198,9 @@ def summarize(path: str | Path) -> MeshSummary:
 def _generate(actuator: Actuator) -> None:
     import gmsh
 
+    if actuator.dimension == 3 and math.isinf(actuator.expected_cells):
+        gmsh.model.mesh.generate(2)
+        _check_cells()
     gmsh.model.mesh.generate(actuator.dimension)
     cells = _cells(actuator.dimension)
     if cells.size == 0:
@@ -204,6 +223,32 @@ def _generate(actuator: Actuator) -> None:
         raise MeshingError(
             f"The mesh has a cell turned inside out (smallest quality {worst:.2g}); "
             f"try a smaller cell size, more refinement or a larger fillet (or none)"
+        )
+
+
+def _check_cells() -> None:
+    """Refuse a solid whose faces, meshed already, promise more cells than a machine solves for.
+
+    Meshes that Gmsh makes of thin and of thick parts alike have within 1.5 times as many tetrahedra as this expects.
+    """
+    import gmsh
+
+    kinds = gmsh.model.mesh.getElementTypes(2)
+    if not len(kinds):
+        return  # no solid will come of that, and it is reported so
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    at = np.empty((int(tags.max()) + 1, 3))
+    at[tags.astype(int)] = places.reshape(-1, 3)
+    _, nodes = gmsh.model.mesh.getElementsByType(kinds[0])
+    corners = at[nodes.astype(int).reshape(-1, 3)]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    volume = sum(gmsh.model.occ.getMass(*solid) for solid in gmsh.model.occ.getEntities(3))
+    expected = max(3.2 * len(corners), 4.4 * volume / np.average(edges, weights=areas) ** 3)
+    if expected > MOST_CELLS:
+        raise GeometryError(
+            f"about {expected:.2g} cells are expected and {MOST_CELLS:,} are allowed; the part's roundings and holes ask for "
+            "small ones: use a larger cell_size, or fewer cells around a circle"
         )
 
 

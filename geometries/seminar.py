@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from geometries.actuator import Actuator, CutPlane, Hold, Mirror, Vector
 from geometries.fields import angle_field, choice_field, length_field, number_field
+from geometries.seminar_cells import expected_cells
 from geometries.seminar_checks import check_seminar
 from geometries.seminar_plan import outline_area
 
@@ -83,6 +84,10 @@ class SeminarActuator(Actuator):
     @property
     def mesh_order(self) -> int:
         return self.order
+
+    @property
+    def expected_cells(self) -> float:
+        return expected_cells(self)
 
     @property
     def copies(self) -> int:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Vector
+from geometries.mesh_files import load_mesh
 from geometries.meshing import private_model
 from softmodels.parallel import is_root, on_root
 
@@ -58,15 +59,20 @@ class Body:
 
     @classmethod
     def from_file(cls, actuator: Actuator, path: Path, comm: Any) -> Body:
-        """Read the Gmsh file that ``actuator.write`` made (rank 0 reads, all receive)."""
+        """Read the Gmsh file that ``actuator.write`` made (rank 0 reads, all receive).
+
+        Raises:
+            FileNotFoundError: No such file.
+            MeshFileError: Not a mesh as ``actuator.write`` makes them.
+            BodyError: A mesh of another device.
+        """
         import gmsh
         from dolfinx import mesh as meshes
         from dolfinx.io import gmsh as gmshio
 
-        on_root(comm, lambda: path.stat())  # a missing file is an error on all ranks, not a hang
         with private_model() if is_root(comm) else contextlib.nullcontext():
-            if is_root(comm):
-                gmsh.merge(str(path))
+            # What is wrong with a file is an error on all ranks, not a hang.
+            on_root(comm, lambda: load_mesh(path, actuator.dimension))
             data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim

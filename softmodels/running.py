@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from geometries import MeshingError
+from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped
 from softmodels.case import Case, CaseError
 from softmodels.closing import close, explain, explain_step, gather
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
@@ -74,7 +74,7 @@ def run(
             message = _follow(case, results, comm, progress, stopped, kept, branch)
     except RunError as error:
         status, message = error.status, str(error)
-    except (MeshingError, CaseError, MaterialError, ObstacleError, ResultsError) as error:
+    except (GeometryError, MeshFileError, MeshingError, CaseError, MaterialError, ObstacleError, ResultsError) as error:
         status, message = FAILED if isinstance(error, MeshingError) else BAD_INPUT, str(error)
     except PETSc.Error as error:
         # What PETSc refuses before anything is solved are the words it was given.
@@ -155,7 +155,10 @@ def _follow(
     if not (resumed and mesh.exists()):
         kind = "solid" if case.actuator.dimension == 3 else "axisymmetric section"
         progress.say(f"meshing {type(case.actuator).__name__} ({kind}, 1/{case.actuator.copies})")
-        on_root(comm, lambda: case.actuator.write(mesh))
+        try:
+            on_root(comm, lambda: case.actuator.write(mesh, lambda: bool(stopped)))
+        except MeshingStopped:
+            raise RunError("stopped by the user while the mesh was made; nothing is solved yet", STOPPED) from None
     progress.say("preparing the equations (compiled the first time, half a minute; then from the cache)")
     on_root(comm, lambda: wait_for_cache(cache(), progress.say, lambda: bool(stopped)))
     _stop_if_asked(comm, stopped)

@@ -183,3 +183,14 @@ def test_damaged_results_are_not_gone_on_from(few):
     few.heavy.write_bytes(few.heavy.read_bytes()[:100])
     with pytest.raises(ResultsError, match="cannot be read"):
         again(few)
+
+
+@pytest.mark.parametrize("broken", [lambda mesh, script: script, lambda mesh, script: mesh[: len(mesh) // 2]])
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_foreign_or_broken_mesh_is_refused_and_not_run(broken, ranks, runs, whole_copy, tmp_path):
+    mesh, hit = whole_copy / "disk.msh", tmp_path / "hit"
+    mesh.write_bytes(broken(mesh.read_bytes(), f'SystemCall "touch {hit}";\n'.encode()))
+    launcher = () if ranks == 1 else ("mpirun", "-n", ranks)
+    done = runs.disk(whole_copy, *STEPS, "--resume", launcher=launcher)
+    assert done.status == 2 and "disk.msh" in done.err and "Traceback" not in done.err
+    assert not hit.exists()

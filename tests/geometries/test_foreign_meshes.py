@@ -1,0 +1,90 @@
+"""Mesh files from elsewhere: read if they are meshes, refused if not, and never run as scripts of Gmsh's."""
+
+from __future__ import annotations
+
+import pytest
+
+from geometries import HollowDisk, MeshFileError
+from geometries.mesh_files import load_mesh
+from geometries.meshing import private_model, summarize
+
+SCRIPT = 'SystemCall "touch {}";\n'
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return HollowDisk(section="axisymmetric", fillet=0).write(tmp_path_factory.mktemp("mesh") / "disk.msh").read_bytes()
+
+
+def between(mesh, name, text):
+    """The mesh with something put after one of its sections."""
+    end = f"$End{name}\n".encode()
+    return mesh.replace(end, end + text.encode())
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        lambda mesh, script: script.encode(),
+        lambda mesh, script: (script * 20).encode() + mesh,
+        lambda mesh, script: mesh + script.encode(),
+        lambda mesh, script: between(mesh, "MeshFormat", script),
+        lambda mesh, script: between(mesh, "Nodes", script),
+        lambda mesh, script: mesh.replace(b"$MeshFormat\n4.1 0 8", b"$MeshFormat\n2.2 0 8"),
+        lambda mesh, script: mesh[: len(mesh) // 2],
+        lambda mesh, script: mesh[: mesh.index(b"$Elements")],
+        lambda mesh, script: mesh.replace(b"$Nodes", b"$Nodes\0"),
+        lambda mesh, script: b"",
+        lambda mesh, script: b"solid a\nendsolid\n",
+    ],
+    ids=[
+        "script",
+        "before",
+        "behind",
+        "after the head",
+        "between",
+        "older",
+        "half",
+        "no cells",
+        "zero",
+        "empty",
+        "stl",
+    ],
+)
+def test_what_is_no_mesh_is_refused_and_nothing_runs(broken, whole, tmp_path):
+    file, hit = tmp_path / "disk.msh", tmp_path / "hit"
+    file.write_bytes(broken(whole, SCRIPT.format(hit)))
+    with pytest.raises(MeshFileError, match=r"disk\.msh is"):
+        summarize(file)
+    assert not hit.exists()
+
+
+@pytest.mark.parametrize("name", ["disk.msh.opt", "disk.opt", "disk.geo"])
+def test_nothing_beside_a_mesh_is_run(name, whole, tmp_path):
+    file, hit = tmp_path / "disk.msh", tmp_path / "hit"
+    file.write_bytes(whole)
+    (tmp_path / name).write_text(SCRIPT.format(hit))
+    assert summarize(file).cells > 100
+    assert not hit.exists()
+
+
+def test_a_mesh_of_other_cells_is_refused(whole, tmp_path):
+    file = tmp_path / "disk.msh"
+    file.write_bytes(whole)
+    with private_model():
+        load_mesh(file, 2)
+    with private_model(), pytest.raises(MeshFileError, match="another device"):
+        load_mesh(file, 3)
+
+
+def test_only_the_checked_way_leads_to_gmsh(request):
+    """No other module of the library lets Gmsh open a file whose kind Gmsh guesses."""
+    root = request.config.rootpath
+    calls = [
+        f"{file.relative_to(root)}:{number}"
+        for room in ("geometries", "softmodels", "measurement")
+        for file in sorted((root / room).rglob("*.py"))
+        for number, line in enumerate(file.read_text().splitlines(), 1)
+        if "gmsh.merge(" in line or "gmsh.open(" in line or ("importShapes(" in line and 'format="step"' not in line)
+    ]
+    assert [call.split(":")[0] for call in calls] == ["geometries/mesh_files.py"]
