@@ -17,6 +17,7 @@ from measurement.boards import corner_reach, find_chessboard
 from measurement.camera import Camera, CameraError, Points
 from measurement.corners import straightened_corners
 from measurement.grid import GridError
+from measurement.picture_file import PictureError, read_pixels
 
 FEWEST = 3
 """Views of the board that fix the camera's matrix and its lens."""
@@ -76,12 +77,10 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
     refused: dict[str, str] = {}
     size: tuple[int, int] | None = None
     for path in map(str, paths):
-        if not Path(path).is_file():
-            refused[path] = "there is no such file"
-            continue
-        image = cv2.imread(path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-        if image is None:
-            refused[path] = "it cannot be read as a picture"
+        try:
+            image = cv2.cvtColor(read_pixels(Path(path)), cv2.COLOR_RGB2GRAY)
+        except PictureError as error:
+            refused[path] = str(error)
             continue
         shape = (image.shape[1], image.shape[0])
         if size is not None and shape != size:

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import ExifTags, Image, UnidentifiedImageError
+from PIL import ExifTags
 
 from measurement.camera import Camera, CameraError, Points, beyond_projection, frame_points
+from measurement.picture_file import PictureError, opened
 from measurement.reasons import reason
 
 if TYPE_CHECKING:
@@ -67,10 +68,10 @@ def read_exif(path: Path | str) -> Exif:
         CameraError: The file is no picture, or it does not name its camera.
     """
     try:
-        with Image.open(path) as image:
+        with opened(Path(path)) as image:
             head = image.getexif()
             body = head.get_ifd(ExifTags.IFD.Exif)
-    except (OSError, UnidentifiedImageError, SyntaxError) as error:
+    except (PictureError, OSError, SyntaxError, ValueError) as error:
         raise CameraError(f"{path} cannot be read as a photograph: {reason(error)}") from None
     camera = _text(head.get(ExifTags.Base.Model))
     if not camera:

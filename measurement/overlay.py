@@ -7,11 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from measurement.camera import Camera, CameraError, Points
+from measurement.picture_file import PictureError, read_pixels
 from measurement.plane import Plane
-from measurement.reasons import reason
 
 LONGEST = 2000
 """Pixels of the drawn picture's longer side."""
@@ -26,10 +26,9 @@ def read_picture(path: Path | str) -> NDArray[np.uint8]:
         CameraError: The file is not there or no picture.
     """
     try:
-        with Image.open(path) as image:
-            return np.asarray(image.convert("RGB"))
-    except (OSError, UnidentifiedImageError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise CameraError(f"{path} cannot be read as a photograph: {reason(error)}") from None
+        return read_pixels(Path(path))
+    except PictureError as error:
+        raise CameraError(f"{path} cannot be read as a photograph: {error}") from None
 
 
 def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: Plane) -> None:

@@ -7,15 +7,14 @@ JPEG the two differ by a good part of the penumbra's width. So the stored number
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, UnidentifiedImageError
+
+from measurement.picture_file import PictureError, Pixels, read_pixels
 
 Array = npt.NDArray[np.float64]
-Pixels = npt.NDArray[np.uint8]
 
 _STORED = np.arange(256) / 255.0
 LIGHT: npt.NDArray[np.float32] = np.where(
@@ -35,39 +34,19 @@ def read_photograph(path: Path, size: tuple[int, int] | None = None) -> Pixels:
     """Read a photograph as it left the sensor, unturned: the lens and the screen were measured in its own pixels.
 
     Args:
-        path: JPEG, PNG, TIFF or BMP with 8 bits per channel.
+        path: A picture file as `picture_file.read_pixels` takes it.
         size: Width and height it must have, None if any will do.
 
     Returns:
         Red, green and blue, shape (height, width, 3); a grey picture has three equal channels.
 
     Raises:
-        Unmeasurable: No file, no picture, cut short, another size, or another depth.
+        Unmeasurable: No file, no picture, cut short, or another size.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise Unmeasurable("there is no such file")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow warns of pictures above 89 megapixels; the size is checked here
-            with Image.open(path) as picture:
-                if size is not None and picture.size != size:
-                    raise Unmeasurable(
-                        f"it has {picture.width} x {picture.height} pixels where the setup has {size[0]} x {size[1]}"
-                    )
-                if picture.mode not in ("L", "RGB", "RGBA", "P", "LA"):
-                    raise Unmeasurable(
-                        f"its pixels are of the kind {picture.mode}; 8 bits of grey or colour are needed"
-                    )
-                return np.asarray(picture.convert("RGB"))
-    except UnidentifiedImageError:
-        raise Unmeasurable(
-            "the file is no picture, or one that cannot be read; JPEG, PNG, TIFF or BMP with 8 bits per channel is needed"
-        ) from None
-    except Unmeasurable:
-        raise
-    except Exception as error:  # the decoders raise whatever a damaged file leads them into
-        raise Unmeasurable(f"the file is damaged ({error})") from None
+        return read_pixels(path, size)
+    except PictureError as error:
+        raise Unmeasurable(str(error)) from None
 
 
 def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT) -> Array:

@@ -41,6 +41,46 @@ def test_files_by_number_and_in_other_letters(tmp_path):
         listed(tmp_path, "file,pressure\n5965,0 cm\n")
 
 
+def test_lists_as_spreadsheets_write_them(tmp_path):
+    """Windows' line ends, tabs in UTF-16 (Unicode text), empty rows and empty columns at the end."""
+    wanted = [("a.jpg", 0.0), ("b.jpg", 1200.0)]
+    for text, encoding in (
+        ("file,pressure\r\na.jpg,0 cm\r\n,\r\nb.jpg,1.2 kPa\r\n", "utf-8"),
+        ("file\tpressure\r\na.jpg\t0 cm\r\nb.jpg\t1.2 kPa\r\n", "utf-16"),
+        ("file;pressure;;\na.jpg;0 cm;;\nb.jpg;1.2 kPa;;\n;;;\n", "utf-8-sig"),
+    ):
+        photos = listed(tmp_path, text, encoding)
+        assert [(photo.file.name, photo.pressure) for photo in photos] == wanted
+
+
+def test_a_photograph_whose_name_begins_with_the_comments_sign(tmp_path):
+    """Its row was taken for a comment and dropped without a word."""
+    (tmp_path / "#4.jpg").touch()
+    (tmp_path / "5.jpg").touch()
+    rows = "file,pressure\na.jpg,0 cm\n#5.jpg,2 cm\n# #4.jpg is blurred\n"
+    assert len(listed(tmp_path, rows)) == 1
+    with pytest.raises(PhotoListError, match=r"line 5: # begins a comment, but .* #4.jpg; write ./#4.jpg"):
+        listed(tmp_path, rows + "#4.jpg,3 cm\n")
+    assert [photo.file.name for photo in listed(tmp_path, rows + "./#4.jpg,3 cm\n")] == ["a.jpg", "#4.jpg"]
+
+
+def test_one_file_by_two_names_stands_in_the_list_twice(tmp_path):
+    (tmp_path / "IMG_0004.JPG").touch()
+    (tmp_path / "link.jpg").symlink_to(tmp_path / "IMG_0004.JPG")
+    for name in ("IMG_0004.JPG", "4", "./IMG_0004.JPG", str(tmp_path / "IMG_0004.JPG"), "link.jpg"):
+        with pytest.raises(PhotoListError, match=r"line 3: .* stands in the list twice"):
+            listed(tmp_path, f"file,pressure\nIMG_0004.JPG,0 cm\n{name},2 cm\n")
+
+
+@pytest.mark.parametrize(
+    "name", ["x" * 5000 + ".jpg", "7" * 5000, "a.jpg/b.jpg", "none/b.jpg", "=1+1", "..", "/dev/zero"]
+)
+def test_names_that_are_no_files_are_left_to_the_measuring(tmp_path, name):
+    for file in ("a.jpg", "7.jpg"):
+        (tmp_path / file).touch()
+    assert len(listed(tmp_path, f"file,pressure\n{name},1 cm\n")) == 1
+
+
 BROKEN = {
     "": "is empty",
     "# nothing\n": "is empty",
@@ -66,6 +106,10 @@ BROKEN = {
     "file;pressure\na.jpg;35,5 mmH2O\n": "line 2: '35,5 mmH2O' has a decimal comma",
     "file,pressure\na.jpg,1 200 mmH2O\n": "line 2: '1 200 mmH2O' has a space",
     "file,left,right\na.jpg,1 kPa,1 cm\n": "line 2: '1 kPa' is not the level",
+    "file,pressure\na.jpg,=1+1\n": "line 2: '=1\\+1' ",
+    "file,pressure\na.jpg,1 cm,,note\n": "line 2: 4 values in the row",
+    "file,pressure\na\0.jpg,1 cm\n": "NUL bytes",
+    "file,pressure\n" + "x" * 200000 + ",1 cm\n": "line 2: it is no row of a CSV file",
 }
 
 
@@ -80,6 +124,9 @@ def test_broken_lists_are_bad_input_said_in_a_sentence(tmp_path, text):
 
 
 def test_lists_that_cannot_be_read(tmp_path):
+    (tmp_path / "photos.csv").write_bytes(b"file,pressure\nM\xfcller.jpg,1 cm\n")
+    with pytest.raises(PhotoListError, match="line 2 is no UTF-8 text; save it as CSV UTF-8"):
+        read_photos(tmp_path / "photos.csv")
     (tmp_path / "photos.csv").write_bytes(b"\xff\xfe\x00")
     for path in (tmp_path / "photos.csv", tmp_path / "none.csv", tmp_path):
         with pytest.raises(PhotoListError, match="cannot be read"):
