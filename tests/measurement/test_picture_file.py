@@ -26,7 +26,7 @@ SCENE = dataclasses.replace(
     demo.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=0, jpeg_quality=None
 )
 HEIGHT = 4e-3
-QUICK = {"x265:preset": "ultrafast"}
+QUICK = {"preset": "ultrafast"}
 
 
 def deep(picture, bits, shift=0):
