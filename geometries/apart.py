@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from geometries.errors import MeshingError, MeshingStopped
@@ -57,7 +58,7 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
         words.seek(0)
         # A session of its own: Ctrl-C at a terminal reaches all of the foreground's processes, and this one is ended by us.
         process = subprocess.Popen(
-            [sys.executable, "-c", WORKER], stdin=words, stdout=answer, stderr=errors, start_new_session=True
+            [sys.executable, "-P", "-c", WORKER], stdin=words, stdout=answer, stderr=errors, start_new_session=True
         )
         try:
             while process.poll() is None:
@@ -76,6 +77,14 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     if not done:
         raise value
     return value  # type: ignore[no-any-return]
+
+
+def interpreter() -> list[str]:
+    """How to start Python for a child that takes its modules from where this process does.
+
+    Left alone, Python would look into the folder it is started in first, which may be anybody's.
+    """
+    return [sys.executable] if {"", str(Path.cwd())} & set(sys.path) else [sys.executable, "-P"]
 
 
 def answer_to(order: bytes) -> bytes:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from geometries import Actuator
+from geometries.apart import interpreter
 from softmodels.case import Case
 from softmodels.notes import notes_of
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
@@ -166,7 +167,7 @@ def _draw(results: Results) -> float | None:
     """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5; the seconds it took, None if it failed."""
     begun = time.monotonic()
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
-    command = [sys.executable, "-m", "softmodels.pictures", str(results.folder), "--name", results.name]
+    command = [*interpreter(), "-m", "softmodels.pictures", str(results.folder), "--name", results.name]
     done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
     if done.returncode == 0:
         print(done.stderr, end="", file=sys.stderr)  # such as that this machine cannot render

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import HollowDisk
+from geometries.apart import interpreter
 from measurement.demo import FLOOR, SCENE
 from measurement.synthetic import Scene, photograph, save
 from measurement.units import pascal_per_cm
@@ -178,7 +179,7 @@ def demo(output: Path, megapixels: float) -> None:
         fail(f"the demonstration cannot be written: {error}")
     for module, words in commands(output, TRUTH):
         click.echo(f"$ python -m {module} {' '.join(words)}")
-        status = subprocess.run([sys.executable, "-m", module, *words], check=False).returncode
+        status = subprocess.run([*interpreter(), "-m", module, *words], check=False).returncode
         if status != DONE:
             fail(f"{module} {words[0]} ended with exit status {status}; the files up to there are in {output}", FAILED)
     lines, good = compared(output, TRUTH)

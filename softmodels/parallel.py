@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 
@@ -33,7 +33,9 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
     import petsc4py
 
     try:
-        petsc4py.init([sys.argv[0], *petsc_options])
+        with _nobodys_folder():
+            petsc4py.init([sys.argv[0], *petsc_options])
+            _read_compilers_options()
     except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be named before PETSc has started
         words = " ".join(petsc_options)
         raise StartError(
@@ -42,6 +44,32 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
+
+
+@contextlib.contextmanager
+def _nobodys_folder() -> Iterator[None]:
+    """Stand in the root folder for a moment.
+
+    PETSc, DOLFINx and FFCx read options from files in the folder they start in (.petscrc, dolfinx_jit_options.json), and
+    those options can load and run code. That folder may be somebody else's results; the user's own options in the home
+    folder and in PETSC_OPTIONS count all the same.
+    """
+    here = os.open(".", os.O_RDONLY)  # a way back also to a folder that has been deleted
+    try:
+        os.chdir("/")
+        yield
+    finally:
+        os.fchdir(here)
+        os.close(here)
+
+
+def _read_compilers_options() -> None:
+    """Have DOLFINx and FFCx read their options' files, which each does once."""
+    import dolfinx.jit
+    import ffcx.options
+
+    dolfinx.jit.get_options()
+    ffcx.options.get_options()
 
 
 def petsc_reason(error: BaseException) -> str:

@@ -57,7 +57,9 @@ def can_render() -> bool:
 
 def _probe(arguments: list[str]) -> bool:
     try:
-        done = subprocess.run([sys.executable, "-c", PROBE, *arguments], capture_output=True, timeout=60, check=False)
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", PROBE, *arguments], capture_output=True, timeout=60, check=False
+        )
     except (OSError, subprocess.TimeoutExpired):
         return False
     return done.returncode == 0
