@@ -10,11 +10,18 @@ The same from a shell is ``python -m geometries HollowDisk --membrane 4mm -o dis
 `Actuator` and one line in `ACTUATORS`; command lines and settings files find it there.
 """
 
-from geometries.actuator import Actuator, CutPlane, Hold
-from geometries.disk import HollowDisk
-from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
-from geometries.imported import ImportedActuator
-from geometries.seminar import SeminarActuator
+import contextlib
+import sys
+
+from measurement.ending import stoppable
+
+# While Python looks for the module that -m names, as python -m geometries, it is no library that is imported.
+with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullcontext():
+    from geometries.actuator import Actuator, CutPlane, Hold
+    from geometries.disk import HollowDisk
+    from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
+    from geometries.imported import ImportedActuator
+    from geometries.seminar import SeminarActuator
 
 ACTUATORS: dict[str, type[Actuator]] = {
     "HollowDisk": HollowDisk,

@@ -7,13 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import click
+from measurement.ending import stoppable
 
-from geometries import ACTUATORS
-from geometries.actuator import Actuator
-from geometries.errors import GeometryError, MeshingError
-from geometries.meshing import summarize
-from geometries.options import device_from, device_options
+with stoppable("geometries"):
+    import click
+
+    from geometries import ACTUATORS
+    from geometries.actuator import Actuator
+    from geometries.errors import GeometryError, MeshingError
+    from geometries.meshing import summarize
+    from geometries.options import device_from, device_options
+    from measurement.running import run_command
 
 
 @click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
@@ -83,4 +87,4 @@ for _name, _device in ACTUATORS.items():
     main.add_command(_command(_name, _device))
 
 if __name__ == "__main__":
-    main(prog_name="python -m geometries")
+    run_command(main, "python -m geometries")

@@ -20,6 +20,10 @@ LONGEST = 10.0
 """Longest length in m; anything above it is a number typed in another unit."""
 
 
+ROUNDING = 1e-9
+"""Share by which a value may pass a bound: 10 um is 9.999999999999999e-06 m."""
+
+
 def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False) -> Any:
     """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones."""
     return dataclasses.field(default=default, metadata={"unit": "m", "help": text, "zero": zero, "signed": signed})
@@ -114,7 +118,7 @@ def _check_length(name: str, value: float, zero: bool) -> None:
         return
     if value <= 0.0:
         raise GeometryError(f"{name} is {shown(value, 'm')}; it must be {'0 or more' if zero else 'larger than 0'}")
-    if value < SHORTEST:
+    if value < SHORTEST * (1 - ROUNDING):
         raise GeometryError(f"{name} is {value * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled")
-    if value > LONGEST:
+    if value > LONGEST * (1 + ROUNDING):
         raise GeometryError(f"{name} is {shown(value, 'm')}; above {LONGEST:g} m this looks like a mistaken unit")

@@ -86,6 +86,8 @@ class ImportedActuator(Actuator):
             return hashlib.sha256(Path(self.file).read_bytes()).hexdigest()
         except OSError as error:
             raise GeometryError(f"file {self.file} cannot be read ({error.strerror})") from None
+        except ValueError:  # a zero byte in its name
+            raise GeometryError(f"file {self.file!r} is no name of a file") from None
 
     @property
     def key(self) -> str:

@@ -5,7 +5,12 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-import click
+from measurement.ending import stoppable
+
+with stoppable("measurement"):
+    import click
+
+    from measurement.running import run_command
 
 COMMANDS = {
     "calibrate": "measurement.commands_setup",
@@ -24,7 +29,8 @@ class Lazy(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         module = COMMANDS.get(cmd_name)
-        found: Any = getattr(importlib.import_module(module), cmd_name, None) if module else None
+        with stoppable("measurement"):
+            found: Any = getattr(importlib.import_module(module), cmd_name, None) if module else None
         return found if isinstance(found, click.Command) else None
 
 
@@ -44,4 +50,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main(prog_name="python -m measurement")
+    run_command(main, "python -m measurement")

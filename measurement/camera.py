@@ -15,6 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from measurement.toml_file import numbers
+from measurement.units import brief, number
+
 Points = NDArray[np.float64]
 
 MODELS = {"opencv": (0, 4, 5, 8, 12, 14), "lensfun": (8,)}
@@ -167,14 +170,14 @@ class Camera:
         """
         try:
             return cls(
-                matrix=np.array(table["matrix"], dtype=float),
-                distortion=np.array(table["distortion"], dtype=float),
-                width=int(table["width"]),
-                height=int(table["height"]),
+                matrix=numbers(table["matrix"]),
+                distortion=numbers(table["distortion"]),
+                width=_whole(table["width"]),
+                height=_whole(table["height"]),
                 source=str(table["source"]),
-                error_px=float(table["error_px"]),
+                error_px=number(table["error_px"]),
                 model=str(table["model"]),
-                errors_px=np.array(table.get("errors_px", []), dtype=float),
+                errors_px=numbers(table.get("errors_px", [])),
             )
         except KeyError as error:
             raise CameraError(
@@ -186,6 +189,13 @@ class Camera:
             if isinstance(error, CameraError):
                 raise
             raise CameraError(f"the camera's table cannot be read: {error}") from None
+
+
+def _whole(value: Any) -> int:
+    read = number(value)
+    if read != round(read):
+        raise ValueError(f"{brief(value)} is not a whole number of pixels")
+    return round(read)
 
 
 def as_points(points: ArrayLike) -> Points:

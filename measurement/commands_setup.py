@@ -6,7 +6,6 @@ import dataclasses
 import os
 import re
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -25,6 +24,7 @@ from measurement.overlay import draw_points, read_picture
 from measurement.plane import Plane, PlaneError
 from measurement.reasons import reason
 from measurement.setup import Setup, SetupError, magnification
+from measurement.toml_file import TomlError, read_toml
 from measurement.units import UnitError, brief, number, quantity
 
 UNUSABLE, UNMEASURED = 2, 1
@@ -221,9 +221,9 @@ def _names(photograph: Path, body: str | None) -> Exif:
 
 def _camera_file(path: Path) -> Camera:
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise CameraError(f"the camera {path} cannot be read: {reason(error)}") from None
+        table = read_toml(path)
+    except TomlError as error:
+        raise CameraError(f"the camera {path} {error}") from None
     if not isinstance(table.get("camera"), dict):
         raise CameraError(f"{path} holds no camera; make it with python -m measurement calibrate")
     return Camera.from_table(table["camera"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from measurement.camera import Camera, CameraError, Points, as_points
 from measurement.plane import Plane
-from measurement.reasons import reason
+from measurement.toml_file import TomlError, numbers, parse_toml, read_toml
+from measurement.units import brief, number
 
 VERSION = 1
 """Version of the setup file; one that means something else by its numbers gets another."""
@@ -150,9 +150,12 @@ class Setup:
             SetupError: No TOML, or a field that is missing, unknown or not what it should be.
         """
         try:
-            table = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise SetupError(f"the setup is no valid TOML: {error}") from None
+            return cls._from_toml(parse_toml(text))
+        except TomlError as error:
+            raise SetupError(f"the setup {error}") from None
+
+    @classmethod
+    def _from_toml(cls, table: Mapping[str, Any]) -> Setup:
         try:
             return cls._from_table(table)
         except KeyError as error:
@@ -161,14 +164,14 @@ class Setup:
             raise SetupError(f"the setup's camera cannot be used: {error}") from None
         except SetupError:
             raise
-        except (TypeError, ValueError, AttributeError) as error:
+        except (TypeError, ValueError, AttributeError, IndexError) as error:
             raise SetupError(f"the setup cannot be read: {error}") from None
 
     @classmethod
     def _from_table(cls, table: Mapping[str, Any]) -> Setup:
         if table.get("version", VERSION) != VERSION:
             raise SetupError(
-                f"the setup is of version {table['version']}, this program reads version {VERSION}; make it anew with "
+                f"the setup is of version {brief(table['version'])}, this program reads version {VERSION}; make it anew with "
                 "python -m measurement setup"
             )
         known = {"version"} | {field.name for field in dataclasses.fields(cls)}
@@ -181,12 +184,12 @@ class Setup:
         return cls(
             camera=Camera.from_table(table["camera"]),
             plane=_plane(table["plane"]),
-            magnification=float(table.get("magnification", 1.0)),
-            magnification_error=float(table.get("magnification_error", 0.0)),
-            zero=None if table.get("zero") is None else np.array(table["zero"], dtype=float),
-            roi=None if roi is None else (float(roi[0]), float(roi[1]), float(roi[2]), float(roi[3])),
-            grid_pitch=None if table.get("grid_pitch") is None else float(table["grid_pitch"]),
-            shadow_colour=None if colour is None else (float(colour[0]), float(colour[1]), float(colour[2])),
+            magnification=number(table.get("magnification", 1.0)),
+            magnification_error=number(table.get("magnification_error", 0.0)),
+            zero=None if table.get("zero") is None else numbers(table["zero"]),
+            roi=None if roi is None else (number(roi[0]), number(roi[1]), number(roi[2]), number(roi[3])),
+            grid_pitch=None if table.get("grid_pitch") is None else number(table["grid_pitch"]),
+            shadow_colour=None if colour is None else (number(colour[0]), number(colour[1]), number(colour[2])),
         )
 
     @classmethod
@@ -197,17 +200,17 @@ class Setup:
             SetupError: The file cannot be read or holds no setup; the message names it.
         """
         try:
-            return cls.from_toml(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            raise SetupError(f"the setup {path} cannot be read: {reason(error)}") from None
+            return cls._from_toml(read_toml(Path(path)))
+        except TomlError as error:
+            raise SetupError(f"the setup {path} {error}") from None
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
 
 
 def _plane(table: Mapping[str, Any]) -> Plane:
     shapes = {"homography": (3, 3), "covariance": (9, 9), "points": (-1, 2), "targets": (-1, 2)}
-    arrays = {name: np.array(table[name], dtype=float).reshape(shape) for name, shape in shapes.items()}
-    residual = float(table["residual"])
+    arrays = {name: numbers(table[name]).reshape(shape) for name, shape in shapes.items()}
+    residual = number(table["residual"])
     if not (all(np.isfinite(array).all() for array in arrays.values()) and math.isfinite(residual)):
         raise SetupError("the setup's plane holds numbers that are not finite")
     if abs(np.linalg.det(arrays["homography"] / np.abs(arrays["homography"]).max())) == 0.0:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
+from measurement.ending import stoppable
+from softmodels.parallel import speaks
 
-from softmodels import commandline, limit_command
-from softmodels.case import Case
-from softmodels.curve_command import curve
-from softmodels.demo import demo
-from softmodels.fit_command import fit_material
+with stoppable("softmodels", speaks):
+    import click
+
+    from softmodels import commandline, limit_command
+    from softmodels.case import Case
+    from softmodels.curve_command import curve
+    from softmodels.demo import demo
+    from softmodels.fit_command import fit_material
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from geometries import Actuator, GeometryError
 from geometries import table as geometry_table
+from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import WATER_DENSITY, UnitError, exact_text, pascal_per_cm, quantity
 from softmodels import material_table, supply_table
 from softmodels import program as programs
@@ -237,9 +237,12 @@ class Case:
             CaseError: Not TOML, unknown tables or names, or an impossible case.
         """
         try:
-            tables = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise CaseError(f"not valid TOML: {error}") from None
+            return cls._from_tables(parse_toml(text), folder)
+        except TomlError as error:
+            raise CaseError(f"the case {error}") from None
+
+    @classmethod
+    def _from_tables(cls, tables: dict[str, Any], folder: Path | None) -> Case:
         _known(tables, "the case", ("name", *TABLES))
         for table in TABLES:
             if not isinstance(tables.get(table, {}), dict):
@@ -278,9 +281,9 @@ class Case:
     def from_file(cls, path: Path) -> Case:
         """Read a case file; see `from_toml`. The messages name the file."""
         try:
-            return cls.from_toml(path.read_text(), path.parent)
-        except (OSError, UnicodeDecodeError) as error:
-            raise CaseError(f"case file {path} cannot be read ({getattr(error, 'strerror', None) or error})") from None
+            return cls._from_tables(read_toml(path), path.parent)
+        except TomlError as error:
+            raise CaseError(f"case file {path} {error}") from None
         except CaseError as error:
             raise CaseError(f"{path}: {error}") from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 import sys
@@ -13,6 +14,7 @@ import click
 
 from geometries import Actuator, GeometryError
 from geometries.options import QuantityType, device_from, device_options
+from measurement.ending import STOPPED, stoppable, written
 from measurement.units import WATER_DENSITY
 from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, sheet_from
 from softmodels.material_table import material_from, material_names, material_options
@@ -148,7 +150,8 @@ def execute(
         _check_words(petsc)
     except (CaseError, GeometryError, MaterialError, ObstacleError, SeriesError, SupplyError) as error:
         fail(str(error))
-    from softmodels.running import run
+    with stoppable("softmodels", speaks):
+        from softmodels.running import run
 
     try:
         status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch)
@@ -171,21 +174,27 @@ def _check_words(petsc: tuple[str, ...]) -> None:
 
 def fail(message: str, status: int = 2) -> None:
     """Say one sentence, on one rank, and exit."""
-    if speaks():
-        print(f"softmodels: {message}", file=sys.stderr)
+    _tell(message)
     sys.exit(status)
+
+
+def _tell(message: str) -> None:
+    if speaks():
+        with contextlib.suppress(OSError):  # nobody can be told
+            print(f"softmodels: {message}", file=sys.stderr)
 
 
 def main(command: click.Command) -> None:
     """Run a click command; usage errors are one sentence and exit status 2, on one rank."""
     if not speaks():
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help too is said once, and the stream lives on)
-    try:
-        command.main(standalone_mode=False)
-    except click.exceptions.Abort:
-        fail("stopped by the user", 130)
-    except click.exceptions.NoArgsIsHelpError as error:
-        print(error.format_message())
-        sys.exit(2)
-    except click.ClickException as error:
-        fail(f"{error.format_message()} (see --help)")
+    with written(_tell):
+        try:
+            command.main(standalone_mode=False)
+        except (click.exceptions.Abort, KeyboardInterrupt):
+            fail("stopped by the user", STOPPED)
+        except click.exceptions.NoArgsIsHelpError as error:
+            print(error.format_message())
+            sys.exit(2)
+        except click.ClickException as error:
+            fail(f"{error.format_message()} (see --help)")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
+from measurement.toml_file import TomlError, read_toml
 from measurement.units import UnitError, brief, exact_text, quantity
 from softmodels.materials import LAWS, Material, MaterialError, NeoHookean, Ogden
 from softmodels.silicones import SILICONES
@@ -92,11 +92,9 @@ def material_from(name: str | None, values: Mapping[str, Any]) -> Material:
 
 def _read_file(path: Path) -> dict[str, Any]:
     try:
-        table = tomllib.loads(path.read_text())
-    except OSError as error:
-        raise MaterialError(f"it cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MaterialError(f"it is not valid TOML ({error})") from None
+        table = read_toml(path)
+    except TomlError as error:
+        raise MaterialError(f"it {error}") from None
     if not isinstance(table.get("material"), dict):
         raise MaterialError("it has no [material] table")
     return dict(table["material"])

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped
+from measurement.ending import stoppable
 from softmodels.case import Case, CaseError
 from softmodels.closing import close, explain, explain_step, gather
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
@@ -24,7 +25,7 @@ from softmodels.materials import MaterialError
 from softmodels.notes import notes_of
 from softmodels.obstacle import ObstacleError
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, STOPPED, RunError
-from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, start
+from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, speaks, start
 from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
 from softmodels.resuming import check_same, check_values, drop_between, last_stop, stopped_at, stored_points
@@ -61,9 +62,10 @@ def run(
     Raises:
         StartError: PETSc cannot take the words.
     """
-    comm = start(petsc)
-    abort_on_error(comm)
-    from petsc4py import PETSc
+    with stoppable("softmodels", speaks):
+        comm = start(petsc)
+        abort_on_error(comm)
+        from petsc4py import PETSc
 
     results = Results(folder, case.name, case.actuator.gauge)
     progress = Progress(case.values[-1], case.unit, case.actuator.gauge, quiet or not is_root(comm))

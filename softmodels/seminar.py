@@ -1,7 +1,11 @@
 """``python -m softmodels.seminar``: the slab with air channels of the thesis' second half, inflated."""
 
-from geometries import SeminarActuator
-from softmodels.commandline import device_command, main
+from measurement.ending import stoppable
+from softmodels.parallel import speaks
+
+with stoppable("softmodels", speaks):
+    from geometries import SeminarActuator
+    from softmodels.commandline import device_command, main
 
 command = device_command(
     SeminarActuator,

@@ -16,6 +16,7 @@ import dataclasses
 import math
 from typing import ClassVar
 
+from measurement.units import brief
 from softmodels.controls import Control
 
 GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
@@ -47,8 +48,8 @@ class Syringe:
     leak: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.gas not in GASES:
-            raise SupplyError(f"gas {self.gas!r} is not one of {', '.join(GASES)}")
+        if not isinstance(self.gas, str) or self.gas not in GASES:
+            raise SupplyError(f"gas {brief(self.gas)} is not one of {', '.join(GASES)}")
         for name, value, least in (("syringe", self.syringe, True), ("dead volume", self.dead_volume, False),
                                    ("ambient pressure", self.ambient, True), ("leak", self.leak, False)):  # fmt: skip
             if not math.isfinite(value) or value < 0 or (least and value == 0):

@@ -107,7 +107,7 @@ def test_magnification_of_a_lamp():
         (lambda text: "roi = [600, 2, 300, 400]\n" + text, "region of interest"),
         (lambda text: "zero = [[0.1, 0.1], [0.1, 0.1]]\n" + text, "two different points"),
         (lambda text: "camera = 3\n" + text.split("[camera]")[0], "cannot be read"),
-        (lambda text: text[: len(text) // 2], "no valid TOML|no field"),
+        (lambda text: text[: len(text) // 2], "not valid TOML|no field"),
         (lambda text: "", "no field 'camera'"),
     ],
 )

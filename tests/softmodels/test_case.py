@@ -127,3 +127,42 @@ def test_wrong_case_files_are_refused_by_name_and_value(text, words, tmp_path):
     (tmp_path / "my.toml").write_text(text)
     with pytest.raises(CaseError, match=r"my\.toml"):
         Case.from_file(tmp_path / "my.toml")
+
+
+@pytest.mark.parametrize("value", ["[1]", "{a = 1}", "true", "nan", "[[]]", "2020-01-01", '"9**9 mm"'])
+@pytest.mark.parametrize(
+    ("table", "key"),
+    [
+        ("sheet", "stiffness"), ("sheet", "face"), ("supply", "syringe"), ("supply", "gas"), ("supply", "leak_per_m3"),
+        ("supply", "dead_volume"), ("supply", "kind"), ("contact", "stiffness"), ("contact", "faces"), ("contact", "plane"),
+        ("geometry", "membrane"), ("geometry", "order"), ("geometry", "support"), ("material", "poisson"),
+        ("load", "water_density"), ("load", "control"), ("load", "cycle"), ("solver", "formulation"),
+    ],
+)  # fmt: skip
+def test_what_is_no_number_or_word_is_a_sentence(table, key, value):
+    tables = {
+        "geometry": {"device": '"HollowDisk"'},
+        "load": {"pressure_cm": "20"},
+        "material": {"law": '"neo-hookean"', "shear_modulus": '"20 kPa"'},
+        "sheet": {"face": '"top"', "stiffness": '"1 kN/m"'},
+        "contact": {"faces": '"top"', "plane": '"z = 20 mm"'},
+    }
+    if table == "supply":
+        tables["load"], tables["supply"] = {"stroke_ml": "20"}, {}
+    tables.setdefault(table, {})[key] = value
+    text = "\n".join(f"[{name}]\n" + "\n".join(f"{k} = {v}" for k, v in each.items()) for name, each in tables.items())
+    if (key, value) in (("cycle", "true"), ("faces", '"9**9 mm"')):  # whether there is such a face, the mesh will tell
+        assert Case.from_toml(text)
+        return
+    with pytest.raises(CaseError) as refused:
+        Case.from_toml(text)
+    assert " " in str(refused.value)
+
+
+def test_ten_micrometres_are_ten_micrometres():
+    """The least length that is taken, and no rounding below it: 10 um is 9.999999999999999e-06 m."""
+    for text in ("10 um", "0.01 mm", "1e-5 m"):
+        case = Case.from_toml(f'{GEOMETRY}fillet = "{text}"\n[load]\npressure_cm = 20\n')
+        assert case.actuator.fillet == pytest.approx(1e-5)
+    with pytest.raises(CaseError, match="fillet is 9 um"):
+        Case.from_toml(f'{GEOMETRY}fillet = "9 um"\n[load]\npressure_cm = 20\n')

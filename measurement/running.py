@@ -1,0 +1,31 @@
+"""How the commands of ``python -m measurement`` and ``python -m geometries`` are started."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from measurement.ending import STOPPED, written
+
+
+def run_command(command: click.Command, name: str) -> None:
+    """Run a click command and exit: usage errors have status 2, Ctrl-C `STOPPED`, output that has nowhere to go 1.
+
+    Args:
+        command: The command.
+        name: How it is started, for its help.
+    """
+
+    def tell(sentence: str) -> None:
+        click.echo(f"Error: {sentence}", err=True)
+
+    with written(tell):
+        try:
+            sys.exit(command.main(prog_name=name, standalone_mode=False))
+        except click.ClickException as error:
+            error.show()
+            sys.exit(error.exit_code)
+        except (click.exceptions.Abort, KeyboardInterrupt):
+            tell("stopped by the user")
+            sys.exit(STOPPED)
