@@ -12,6 +12,7 @@ import numbers
 from typing import Any
 
 from geometries.errors import GeometryError
+from measurement.units import readable
 
 SHORTEST = 1e-5
 """Shortest length in m: the CAD kernel merges points closer than about 0.1 micrometre."""
@@ -59,9 +60,7 @@ def shown(value: Any, unit: str) -> str:
     """Return a value as a person would write it, for example ``"20 mm"`` for 0.02 in ``"m"``."""
     if not isinstance(value, int | float):
         return repr(value)
-    if unit == "m":
-        return f"{value * 1e3:.6g} mm" if abs(value) < 1.0 else f"{value:.6g} m"
-    return f"{value:.6g} deg" if unit == "degree" else f"{value:.6g}"
+    return readable(value, unit)
 
 
 def settle(device: Any) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import geometries
@@ -12,8 +12,12 @@ from geometries.errors import GeometryError
 from measurement.units import UnitError, brief, exact_text, quantity
 
 
-def to_table(actuator: Actuator) -> dict[str, Any]:
+def to_table(actuator: Actuator, text: Callable[[float, str], str] = exact_text) -> dict[str, Any]:
     """Return a device's parameters, ready for a TOML table.
+
+    Args:
+        actuator: The device.
+        text: How quantities are written; `measurement.units.readable` for people.
 
     Returns:
         The device's name under ``"device"``, then every field: lengths and angles as text with a unit ("20 mm"), pure
@@ -25,7 +29,7 @@ def to_table(actuator: Actuator) -> dict[str, Any]:
         unit = field.metadata["unit"]
         if isinstance(value, tuple):
             value = list(value)
-        table[field.name] = exact_text(value, unit) if unit else value
+        table[field.name] = text(value, unit) if unit else value
     return table
 
 

@@ -170,7 +170,25 @@ def pascal_per_cm(density: float = WATER_DENSITY) -> float:
     return 0.01 * density * STANDARD_GRAVITY
 
 
-_FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0)}
+_FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3": ("ml", 1e6)}
+
+
+def readable(value: float, unit: str) -> str:
+    """A value for people: "0.9 mm", "14 kPa", six digits at most; for files that machines read back it is `exact_text`.
+
+    Args:
+        value: Value in ``unit``.
+        unit: As in `quantity`; lengths of a metre and more stay in metres.
+    """
+    name, factor = _FRIENDLY.get(unit, (unit, 1.0))
+    if unit == "m" and abs(value) >= 1.0:
+        name, factor = unit, 1.0
+    return f"{value * factor:.6g} {name}".strip()
+
+
+def _plain(value: float) -> str:
+    """The shortest text that reads back as the float: 0.7 and not 0.69999999999999996."""
+    return repr(value).removesuffix(".0")
 
 
 def exact_text(value: float, unit: str) -> str:
@@ -183,7 +201,7 @@ def exact_text(value: float, unit: str) -> str:
     name, factor = _FRIENDLY.get(unit, (unit, 1.0))
     for digits in range(1, 18):
         rounded = float(f"{value * factor:.{digits}g}")  # "2e+01" becomes 20.0, which prints as a person writes it
-        text = f"{rounded:.17g} {name}".strip()
+        text = f"{_plain(rounded)} {name}".strip()
         if quantity(text, unit) == value:
             return text
     # Not every float has a text in the friendlier unit that survives the conversion; those stay in their own.

@@ -14,6 +14,7 @@ from typing import Any
 from geometries import Actuator
 from geometries.apart import interpreter
 from softmodels.case import Case
+from softmodels.glossary import term
 from softmodels.notes import notes_of
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.program import step_text
@@ -30,7 +31,7 @@ def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
     if end.limit is None:
         return (
             f"{asked} was not reached: {end}. The last state is at {last.pressure / case.cm:.4g} cm "
-            f"({last.pressure:.4g} Pa), {device.gauge} {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
+            f"({last.pressure:.4g} Pa), {device.gauge} rise {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
             f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. If the curve was flattening, use "
             "--control auto or arc-length, which pass limit points; otherwise refine the mesh (--cell-size), or look at the "
             "last state for cells that fold"
@@ -112,10 +113,10 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
     if not message and not quiet:
         row, gauge = results.rows[-1], case.actuator.gauge
         print(
-            f"{_loaded(row)}: {gauge} {row[f'{gauge}_mm']:+.5g} mm, "
-            f"added volume {row['added_volume_ml']:.5g} ml{_presses(row)}, "
-            f"largest stretch {row['max_stretch']:.4g}{_bears(case)}, "
-            f"largest von Mises stress {row['max_von_mises_kPa']:.4g} kPa, J {row['J_min']:.4f} to {row['J_max']:.4f}"
+            f"{_loaded(row)}: {gauge} rise {row[f'{gauge}_mm']:+.5g} mm, "
+            f"added volume {row['added_volume_ml']:.5g} ml{pressed(row)}, "
+            f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
+            f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
         )
         if told := stability_text(results.rows, case.actuator, branch_rows(results)):
             print(told)
@@ -131,8 +132,10 @@ def _loaded(row: Mapping[str, Any]) -> str:
     return f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa)"
 
 
-def _presses(row: Mapping[str, Any]) -> str:
-    return f", contact force {row['contact_force_N']:.4g} N" if "contact_force_N" in row else ""
+def pressed(row: Mapping[str, Any]) -> str:
+    """The forces of the device on what stops it, as a part of the closing line."""
+    forces = ("blocked_force_N", "contact_force_N")
+    return "".join(f", {term(name).name} {row[name]:.4g} N" for name in forces if name in row)
 
 
 def gather(case: Case, results: Results, status: int, message: str, notes: Sequence[str]) -> None:
@@ -144,7 +147,7 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
     results.finish()
     text = {
         "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1],
-        "events": events(results.rows), "stretch_at_break": stretch_at_break(case.material),
+        "events": events(results.rows, case.actuator.gauge), "stretch_at_break": stretch_at_break(case.material),
         "notes": list(notes), "stability": stability_text(results.rows, case.actuator, branch_rows(results)),
     }  # fmt: skip
     write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")

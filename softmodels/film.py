@@ -59,7 +59,7 @@ def _caption(states: States, position: float) -> str:
         for name in [*names, *cavity_columns(first, "pressure", "cm")]
     }
     pressure = load(row) if "load_step" in row else f"{number(row['pressure_cm'])} cm of water"
-    return f"{pressure}   {gauge} {row[f'{gauge}_mm']:+.2f} mm"
+    return f"{pressure}   {gauge} rise {row[f'{gauge}_mm']:+.2f} mm"
 
 
 def _captioned(image: Image, text: str, scale: Scale) -> Image:

@@ -38,7 +38,7 @@ class Limit:
         added_volume: Volume in m3 taken by then.
         rises: Rise of the probes in m.
         stretch: Largest principal stretch.
-        place: Undeformed device coordinates in m of the node with the largest stretch.
+        place: Undeformed device coordinates in m of the integration point with the largest stretch.
         why: What ended a lost path, else empty.
     """
 
@@ -119,14 +119,10 @@ def _search(equations: Any, fields: Any) -> Limit:
     except (PathEnd, NoConvergence) as end:
         kind, why = "lost", str(end)
     assert last is not None  # the state at rest is always there
-    figures, nodal = fields.figures(last.state), fields.nodal(last.state)
-
-    def place() -> tuple[float, float, float]:
-        return tuple(float(x) for x in fields.grid.points[int(np.argmax(nodal["largest_stretch"]))])  # type: ignore
-
+    figures = fields.figures(last.state)
     return Limit(
         kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
-        on_root(equations.comm, place), why,
+        figures.max_stretch_at, why,
     )  # fmt: skip
 
 

@@ -100,15 +100,18 @@ def _read_file(path: Path) -> dict[str, Any]:
     return dict(table["material"])
 
 
-def to_table(material: Material) -> dict[str, Any]:
-    """A material as a TOML table: its law and parameters with units. `from_table` gives back an equal one."""
+def to_table(material: Material, text: Callable[[float, str], str] = exact_text) -> dict[str, Any]:
+    """A material as a TOML table: its law and parameters with units. `from_table` gives back an equal one.
+
+    ``text`` writes the quantities; `measurement.units.readable` is for people.
+    """
     table: dict[str, Any] = {"law": material.name}
     for field in dataclasses.fields(material):
         value, unit = getattr(material, field.name), field.metadata["unit"]
         if isinstance(value, tuple):
-            table[field.name] = [exact_text(v, unit) if unit else v for v in value]
+            table[field.name] = [text(v, unit) if unit else v for v in value]
         else:
-            table[field.name] = exact_text(value, unit) if unit else value
+            table[field.name] = text(value, unit) if unit else value
     if isinstance(material, Ogden):
         table["convention"] = CONVENTIONS[0]  # the same numbers read in the other way are another rubber
     return table

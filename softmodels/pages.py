@@ -5,8 +5,8 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -16,9 +16,6 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from softmodels.rows import cavity_columns
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 Row = Mapping[str, Any]
@@ -63,7 +60,7 @@ def headline(row: Row, gauge: str) -> str:
 
 def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:
     """A rendered image under its title, with the colour bar below if it shows a field."""
-    head, foot = 0.55 + 0.3 * bool(note), 0.0 if scale is None else 0.95
+    head, foot = 0.55 + 0.3 * bool(note), 0.0 if scale is None else FOOT
     height = image.shape[0] / DPI
     figure = Figure((WIDTH, head + height + foot), dpi=DPI)
     whole = head + height + foot
@@ -73,7 +70,7 @@ def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, n
     figure.text(0.5, 1 - 0.28 / whole, title, ha="center", va="center", fontsize=13)
     figure.text(0.5, 1 - 0.6 / whole, note, ha="center", va="center", fontsize=11, color=WARNING)
     if scale is not None:
-        scale.bar(figure, figure.add_axes((0.2, 0.62 / whole, 0.6, 0.18 / whole)))
+        scale.bar(figure)
     return figure
 
 
@@ -81,37 +78,47 @@ class Scale:
     """The colours of a field, from its least value at rest up to nearly its largest.
 
     Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore
-    ends where, in the state that has most, a two-hundredth of the nodes lies above it; the bar says so and tells the
-    largest value.
+    ends where, in the state that has most, a two-hundredth of the nodes lies above it; the bar says so. The largest value
+    that it tells is the one of ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
 
     Args:
         values: Nodal values of the states that are shown, SI units, shape (n,) or (states, n).
         field: Name of the field, one of `SHOWN`.
         where: Words for where the values were taken, such as "outside"; empty for everywhere.
+        rows: Rows of ``path.csv`` of the states that are shown, for the largest value.
     """
 
-    def __init__(self, values: Array, field: str = "von_mises_stress", where: str = ""):
-        self.what, self.unit, self.factor, self.low = SHOWN[field]
+    def __init__(self, values: Array, field: str = "von_mises_stress", where: str = "", rows: Sequence[Row] = ()):
+        self.what, self.unit, self.factor, self.low, column = SHOWN[field]
         self.field, self.where = field, where
-        self.largest = float(values.max()) * self.factor
+        told = [float(row[column]) for row in rows if column in row]
+        self.largest = max(told) if told else float(values.max()) * self.factor
+        self.defined = "at an integration point" if told else "at a node"
         self.top = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
         if not self.top > self.low:
             self.top = max(self.largest, self.low + 1.0)
         self.colours = matplotlib.colormaps[COLOURS]
 
-    def bar(self, figure: Figure, axes: Axes) -> None:
-        """Draw the bar into axes."""
+    def bar(self, figure: Figure) -> None:
+        """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more."""
+        whole = figure.get_figheight()
+        axes = figure.add_axes((0.2, 0.82 / whole, 0.6, 0.18 / whole))
         unit = (f" in {self.unit}" if self.unit else "") + (f", {self.where}" if self.where else "")
-        note = f"{CLIPPED:g} % of the nodes lie within the colours; largest at one: {self.largest:.3g} {self.unit}".rstrip()
+        largest = f"{self.largest:.4g} {self.unit}".strip()
+        anywhere = " in the whole device" if self.where else ""
+        note = f"{CLIPPED:g} % of the nodes lie within the colours; largest{anywhere}, {self.defined}: {largest}"
         scale = ScalarMappable(Normalize(self.low, self.top), self.colours)
         extend = "max" if self.largest > self.top else "neither"
-        figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit} ({note})")
+        figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit}")
+        figure.text(0.5, 0.14 / whole, note, ha="center", fontsize=10.5, color=EDGE)
 
 
+FOOT = 1.15
+"""Inches below a picture for the bar of its colours and what is said of it."""
 CLIPPED = 99.5
 """Percentile of the nodal values at which the colours end."""
 SHOWN = {
-    "von_mises_stress": ("von Mises stress", "kPa", 1e-3, 0.0),
-    "largest_stretch": ("largest stretch", "", 1.0, 1.0),
+    "von_mises_stress": ("von Mises stress", "kPa", 1e-3, 0.0, "max_von_mises_kPa"),
+    "largest_stretch": ("largest stretch", "", 1.0, 1.0, "max_stretch"),
 }
-"""Fields that have colours: name in words, unit, factor from SI to it, value at rest."""
+"""Fields that have colours: name in words, unit, factor from SI to it, value at rest, column of its largest value."""

@@ -114,7 +114,10 @@ def _sections(states: States, out: Folder) -> None:
             "mode",
             sections.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], gauge),
         )
-    out.save("hot-spots", sections.section_hot(moved, cells, hot, stretch, title, stills.peak_text(states, step)))
+    out.save(
+        "hot-spots",
+        sections.section_hot(moved, cells, hot, stretch, title, stills.peak_text(states, step), states.rows[step]),
+    )
 
 
 def _solids(shown: Look, out: Folder) -> None:
@@ -130,7 +133,11 @@ def _solids(shown: Look, out: Folder) -> None:
         if states.bifurcation is not None:
             out.save("mode", stills.mode(shown, states.bifurcation))
     images, camera, scale = stills.stress(shown)
-    texts = {"Camera": camera.text, "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}"}
+    texts = {
+        "Camera": camera.text,
+        "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}",
+        "Largest": f"{scale.largest:.4g} {scale.unit} {scale.defined}",
+    }
     for k, (step, image) in enumerate(images, 1):
         title = headline(rows[step], gauge)
         out.save(f"stress-{k}", stills.page(image, title, scale), {**texts, "Title": title})

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -40,7 +41,7 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence
             pressure = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
             label = f"{name}: {pressure}, {row[column]:.4g} mm"
             axes.plot(row["pressure_cm"], row[column], marker, color=colour, markersize=9, label=label)
-    axes.set(xlabel="pressure in cm of water", ylabel=f"{gauge} rise in mm")
+    axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.04)
     k = pascal_per_cm / 1e3
     convert: Any = (lambda column: column * k, lambda pressure: pressure / k)
@@ -196,24 +197,58 @@ def profiles(
     # The legend stands beside the axes, never on a line.
     inner = 7.1
     height = inner * tall / (right - left)
-    names = _labelled(list(lines))
-    whole = max(height + 1.25, 0.27 * (len(names) + 2) + 0.6)
+    names = _labels(rows, _labelled(list(lines)))
+    whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
     figure = Figure((WIDTH, whole), dpi=DPI)
     axes = figure.add_axes((0.85 / WIDTH, (whole - height + 0.25) / 2 / whole, inner / WIDTH, height / whole))
     axes.set(xlim=(left, right), ylim=(bottom, bottom + (right - left) * height / inner), aspect="equal")
     axes.plot(*_outline(rest, axial).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
     colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
-    turned = min((k for k, row in enumerate(rows) if row["limit"]), default=len(rows))
     for colour, (step, line) in zip(colours, lines.items(), strict=False):
-        place = "\n(limit point)" if step == turned else "\n(past the limit)" if step > turned else ""
-        label = f"{number(rows[step]['pressure_cm'])} cm{place}" if step in names else None
-        axes.plot(*_outline(line, axial).T, color=colour, label=label)
+        axes.plot(*_outline(line, axial).T, color=colour, label=names.get(step))
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--", label="rigid plane")
     axes.set(xlabel=f"distance from the {'axis' if axial else 'clamped base'} in mm", ylabel="height in mm")
     axes.set_title("Outer surface of the membrane" if axial else "Upper face in the middle, from the side")
     axes.legend(title="water column", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
     return figure
+
+
+def _labels(rows: Sequence[Row], steps: Collection[int]) -> dict[int, str]:
+    """What the legend says of some steps: the pressure, and on which part of the path they lie."""
+    places = branches(rows)
+    return {
+        step: f"{number(rows[step]['pressure_cm'])} cm"
+        + ("\n" + textwrap.fill(f"({places[step]})", 19) if places[step] else "")
+        for step in steps
+    }
+
+
+def branches(rows: Sequence[Row]) -> list[str]:
+    """On which part of the path each state lies, in words for a legend; empty on the part that begins at rest.
+
+    Where the device jumps, the way of the pressure counts too: up, and down after the highest one. A state past a limit
+    point that stands under its pressure again is on another part of the path, not past the limit.
+    """
+    over = set(jumped_over(rows))
+    landings = [k for k, row in enumerate(rows) if row.get("jump")]
+    before = [row["added_volume_ml"] for k, row in enumerate(rows[: landings[0] if landings else 0]) if k not in over]
+    largest_before = max(before, default=0.0)
+    highest = max(range(len(rows)), key=lambda k: rows[k]["pressure_Pa"])
+    found, passed = [], False
+    for k, row in enumerate(rows):
+        words = ["up" if k <= highest else "down"] if landings and not over else []
+        if k in over:
+            words.append("jumped over")
+        elif row["limit"]:
+            words.append("limit point")
+        elif landings and k >= landings[0]:
+            words += ["after the jump"] if row["added_volume_ml"] > largest_before else []
+        elif passed:
+            words.append("stable again" if row.get("stable_under_pressure") else "past the limit")
+        found.append(", ".join(words))
+        passed = passed or bool(row["limit"])
+    return found
 
 
 def _labelled(steps: list[int]) -> set[int]:

@@ -61,7 +61,7 @@ class Progress:
     def step(self, row: dict[str, Any], value: float) -> None:
         """One step done: its row of the table, and how far it is towards the last requested value."""
         text = (
-            f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  {self.gauge} {row[f'{self.gauge}_mm']:+8.3f} mm  "
+            f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  {self.gauge} rise {row[f'{self.gauge}_mm']:+8.3f} mm  "
             f"{row['added_volume_ml']:+8.3f} ml  {row['newton_iterations']:2d} iterations"
         )
         if self._bar is not None:

@@ -6,7 +6,6 @@ Pictures, film, curves and the 3-D view are inside the file. Whatever columns ``
 from __future__ import annotations
 
 import base64
-import dataclasses
 import html
 import io
 import json
@@ -18,12 +17,12 @@ from typing import Any
 import matplotlib
 from PIL import Image as Picture
 
-from geometries import table as geometry_table
-from softmodels import material_table, plots, program_plots
+from softmodels import plots, program_plots
 from softmodels.glossary import term
 from softmodels.notes import left_out, notes_of
 from softmodels.outcomes import DONE, NO_EQUILIBRIUM
 from softmodels.pages import STYLE, load
+from softmodels.report_case import case_tables
 from softmodels.results import write_text
 from softmodels.rows import cavity_columns
 from softmodels.stability_report import stability_text
@@ -66,7 +65,7 @@ def write(look: Look, folder: Path, name: str) -> Path:
         "<h2>The path</h2>", _curves(states), _contact(states),
         _requested(states),
         "<h2>Pictures</h2>", *(_picture(folder / stem, text) for stem, text in CAPTIONS.items()),
-        "<h2>The case</h2>", _device(states), _material(states), _load(states),
+        "<h2>The case</h2>", case_tables(states),
         "<h2>What to know</h2>", _notes(states),
         "<h2>What the columns are</h2>", _glossary(states),
         "<details><summary>All steps</summary>", _table(states.rows, states.rows, states), "</details>",
@@ -211,65 +210,6 @@ def _figure(kind: str, data: bytes, text: str) -> str:
     source = f"data:{kind};base64,{base64.b64encode(data).decode()}"
     words = html.escape(text)
     return f'<figure><img src="{source}" alt="{words}" loading="lazy"><figcaption>{words}</figcaption></figure>'
-
-
-def _device(states: States) -> str:
-    device = states.actuator
-    table = geometry_table.to_table(device)
-    texts = {field.name: field.metadata["help"] for field in dataclasses.fields(device)}
-    rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "device"]
-    return _parameters(f"Device: {type(device).__name__}", rows)
-
-
-def _material(states: States) -> str:
-    material = states.case.material
-    table = material_table.to_table(material)
-    texts = {field.name: field.metadata["help"] for field in dataclasses.fields(material)}
-    rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "law"]
-    initial = f"{material.shear_modulus_0 / 1e3:.4g} kPa"
-    return _parameters(
-        f"Material: {material.name}", [*rows, ("initial shear modulus", initial, "of all terms together")]
-    )
-
-
-def _load(states: States) -> str:
-    case = states.case
-    asked = [
-        ({"pressure": "pressures", "volume": "added volumes"}.get(case.quantity, "strokes"), case.values, case.unit)
-    ]
-    if case.program:
-        asked = [
-            (f"cavity{i}", series.values, f"{series.unit}{' added' if series.is_volume else ''}")
-            for i, series in enumerate(case.program, 1)
-        ]
-    rows = [
-        *(
-            (what, ", ".join(f"{value:g}" for value in values) + f" {unit}", "requested")
-            for what, values, unit in asked
-        ),
-        ("water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa"),
-        ("control", case.control, "what the path follows"),
-        ("formulation", case.formulation, "unknowns of the equations"),
-    ]
-    if case.sheet is not None:
-        rows.append(("sheet", f"{case.sheet.face}, {case.sheet.stiffness:g} N/m", "bonded thin sheet"))
-    if case.obstacle is not None:
-        rows.append(("contact", f"{case.obstacle.faces} on {case.obstacle.plane}", "rigid plane without friction"))
-        unit = "shear moduli of pressure per sinking in by one size of the device"
-        rows.append(("contact stiffness", f"{case.obstacle.stiffness:g}", unit))
-    return _parameters("Load and solver", rows)
-
-
-def _parameters(title: str, rows: list[tuple[str, Any, str]]) -> str:
-    def text(value: Any) -> str:
-        return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-
-    lines = "".join(
-        f"<tr><th>{html.escape(name.replace('_', ' '))}</th><td>{html.escape(text(value))}</td>"
-        f"<td>{html.escape(words)}</td></tr>"
-        for name, value, words in rows
-    )
-    return f'<h3>{html.escape(title)}</h3><div class="wide"><table>{lines}</table></div>'
 
 
 def _notes(states: States) -> str:

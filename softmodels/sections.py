@@ -11,7 +11,22 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from softmodels.pages import COLOURS, CURVE, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, Row, Scale, headline
+from softmodels.pages import (
+    COLOURS,
+    CURVE,
+    DPI,
+    EDGE,
+    FAINT,
+    FOOT,
+    INK,
+    SOLID,
+    WARNING,
+    WIDTH,
+    Array,
+    Row,
+    Scale,
+    headline,
+)
 from softmodels.triangles import Cells, edge_curves, fine_triangles, outline
 
 if TYPE_CHECKING:
@@ -43,8 +58,8 @@ def section_stress(
         gauge: The device's `Actuator.gauge`.
         plate: Height of a rigid plane that stops it, m.
     """
-    before, after, stress = points[:, ::2] * 1e3, moved[:, ::2] * 1e3, Scale(values)
-    figure, axes = _section(np.concatenate([before, after]), 0.95)
+    before, after, stress = points[:, ::2] * 1e3, moved[:, ::2] * 1e3, Scale(values, rows=[row])
+    figure, axes = _section(np.concatenate([before, after]), FOOT)
     fine, triangles = fine_triangles(np.column_stack([after, values / 1e3]), cells)
     flat = Triangulation(fine[:, 0], fine[:, 1], triangles)
     axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=0.0, vmax=stress.top)
@@ -53,13 +68,12 @@ def section_stress(
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
     axes.set_title(headline(row, gauge) + ("" if plate is None else "; the rigid plane dashed"))
-    height = figure.get_figheight()
-    stress.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
+    stress.bar(figure)
     return figure
 
 
 def section_hot(
-    points: Array, cells: Cells, hot: npt.NDArray[np.bool_], values: Array, title: str, note: str
+    points: Array, cells: Cells, hot: npt.NDArray[np.bool_], values: Array, title: str, note: str, row: Row
 ) -> Figure:
     """The deformed half section with its hottest cells coloured by stretch.
 
@@ -70,9 +84,10 @@ def section_hot(
         values: Largest principal stretch, shape (n,).
         title: Of the picture.
         note: Below the title: the peak.
+        row: The state's row of ``path.csv``.
     """
-    flat, scale = points[:, ::2] * 1e3, Scale(values, "largest_stretch")
-    figure, axes = _section(flat, 1.25)
+    flat, scale = points[:, ::2] * 1e3, Scale(values, "largest_stretch", rows=[row])
+    figure, axes = _section(flat, FOOT + 0.3)
     for chosen in (~hot, hot):
         fine, triangles = fine_triangles(np.column_stack([flat, values]), cells[chosen])
         mesh = Triangulation(fine[:, 0], fine[:, 1], triangles)
@@ -82,9 +97,8 @@ def section_hot(
             axes.tripcolor(mesh, np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
     axes.add_collection(LineCollection(list(outline(flat, cells)), colors=INK, linewidths=1.0))
     axes.set_title(title)
-    height = figure.get_figheight()
-    figure.text(0.5, 0.98 / height, note, ha="center", color=WARNING, fontsize=11)
-    scale.bar(figure, figure.add_axes((0.2, 0.62 / height, 0.6, 0.18 / height)))
+    figure.text(0.5, 1.2 / figure.get_figheight(), note, ha="center", color=WARNING, fontsize=11)
+    scale.bar(figure)
     return figure
 
 

@@ -11,11 +11,46 @@ from geometries import Actuator
 Row = Mapping[str, Any]
 
 
-def events(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Limit points, bifurcations and jumps of a path, in order, as ``summary.json`` lists them."""
+def events(rows: Sequence[Row], gauge: str) -> list[dict[str, Any]]:
+    """Limit points, bifurcations and jumps of a path, in order, as ``summary.json`` lists them.
+
+    A jump tells from where it starts too: volume and the gauge's rise before, and whether the device inflates or collapses.
+    """
     kinds = ("limit", "bifurcation", "stroke_limit", "jump")
-    keys = ("step", "pressure_cm", "pressure_Pa", "added_volume_ml")
-    return [{"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)]
+    keys = ("step", "pressure_cm", "pressure_Pa", "added_volume_ml", f"{gauge}_mm")
+    found = [{"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)]
+    landed = [event for event in found if event["kind"] == "jump"]
+    for event, (before, after) in zip(landed, jumps(rows), strict=True):
+        event["way"] = _way(before, after)
+        event |= {f"from_{key}": before[key] for key in ("pressure_cm", "added_volume_ml", f"{gauge}_mm")}
+    return found
+
+
+def jumps(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
+    """The jumps of a path: the last state that held before, and the one where the device lands."""
+    over, found = set(jumped_over(rows)), []
+    for k, row in enumerate(rows):
+        if row.get("jump"):
+            held = [i for i in range(k) if i not in over]
+            found.append((rows[held[-1] if held else 0], row))
+    return found
+
+
+def _way(before: Row, after: Row) -> str:
+    return "inflates" if after["added_volume_ml"] > before["added_volume_ml"] else "collapses"
+
+
+def jumps_text(rows: Sequence[Row], gauge: str) -> str:
+    """Pressure, way and heights of a path's jumps, in a sentence without its stop; empty if there is none."""
+    column = f"{gauge}_mm"
+    parts = []
+    for before, after in jumps(rows):
+        there = "" if abs(after["pressure_cm"] - before["pressure_cm"]) < 1e-6 else f" to {after['pressure_cm']:.4g} cm"
+        parts.append(
+            f"at {before['pressure_cm']:.4g} cm{there} it {_way(before, after)}, {gauge} rise {before[column]:.4g} to "
+            f"{after[column]:.4g} mm, added volume {before['added_volume_ml']:.4g} to {after['added_volume_ml']:.4g} ml"
+        )
+    return f"the device jumps: {'; '.join(parts)}" if parts else ""
 
 
 def jumped_over(rows: Sequence[Row]) -> list[int]:
@@ -42,10 +77,12 @@ def unseen(actuator: Actuator) -> str:
 def unlocated(rows: Sequence[Row]) -> str:
     """That a bifurcation was passed and not located; empty if none was.
 
-    The number of falling directions changes at limit points and bifurcations alone, whose own rows still have the old one.
+    The number of falling directions changes at limit points and bifurcations alone, whose own rows still have the old one;
+    a cycle comes to some of them from the other side.
     """
+    cyclic = any(row.get("jump") for row in rows)
     for before, after in itertools.pairwise(rows):
-        told = before.get("limit") or before.get("bifurcation")
+        told = before.get("limit") or before.get("bifurcation") or (cyclic and after.get("limit"))
         if before["falling_directions"] != after["falling_directions"] and not told:
             return (
                 f"a bifurcation between {before['pressure_cm']:.4g} and {after['pressure_cm']:.4g} cm could not be located; "
@@ -74,6 +111,8 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row
         text = f"unstable: the energy falls in {count} direction{'s' if count > 1 else ''}"
     text = f"the last state is {text}"
     lost = [rows[k] for k in jumped_over(rows)]
+    if told := jumps_text(rows, actuator.gauge):
+        text += f"; {told}"
     if lost:
         text += (
             f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the gas of this syringe no longer "
@@ -92,7 +131,7 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row
         rise, held = end[f"{actuator.gauge}_mm"], "stable" if end["stable_under_volume"] else "unstable"
         text += (
             f"; the branch was followed through {len(branch)} states to {end['pressure_cm']:.4g} cm "
-            f"({end['added_volume_ml']:.4g} ml), {actuator.gauge} {rise:+.4g} mm, {held} under a given volume"
+            f"({end['added_volume_ml']:.4g} ml), {actuator.gauge} rise {rise:+.4g} mm, {held} under a given volume"
         )
     hidden = unseen(actuator)
     return f"{text} ({hidden})" if hidden else text

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from geometries import Actuator
 from softmodels.cutting import best_plane, cut_open
-from softmodels.pages import DPI, EDGE, FAINT, INK, SOLID, WIDTH, Row, Scale, headline, load, number, page
+from softmodels.pages import DPI, EDGE, FAINT, FOOT, INK, SOLID, WIDTH, Row, Scale, headline, load, number, page
 from softmodels.rendering import Camera, Image, lines, studio, surface
 from softmodels.skin import QUARTERS
 from softmodels.states import States
@@ -65,7 +65,7 @@ def slice_stress(look: Look) -> Figure:
     """The deformed slice seen on its cut, coloured by stress, with the edges of the undeformed one."""
     states, step = look.states, look.states.main
     skin = states.skin
-    scale = Scale(states.field(step, "von_mises_stress"))
+    scale = Scale(states.field(step, "von_mises_stress"), rows=[states.rows[step]])
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
     values = states.field(step, scale.field)[skin.nodes] * scale.factor
     edges = np.concatenate([skin.edges, skin.rims])
@@ -129,7 +129,7 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], scale: Scale) ->
     rows_ = -(-len(images) // columns)
     wide = WIDTH / columns
     tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
-    head, foot = 0.4, 0.95
+    head, foot = 0.4, FOOT
     whole = rows_ * (tall + head) + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
     for k, (step, image) in enumerate(images):
@@ -138,14 +138,14 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], scale: Scale) ->
         axes.imshow(image, interpolation="antialiased")
         axes.set_axis_off()
         figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, load(rows[step]), ha="center", va="center")
-    scale.bar(figure, figure.add_axes((0.2, 0.62 / whole, 0.6, 0.18 / whole)))
+    scale.bar(figure)
     return figure
 
 
 def cut(look: Look) -> Figure:
     """The device cut open through its channels, with the von Mises stress on the cut."""
     states, step = look.states, look.states.main
-    scale = Scale(states.field(step, "von_mises_stress"))
+    scale = Scale(states.field(step, "von_mises_stress"), rows=[states.rows[step]])
     if look.opened:
         layers, direction, where = look.coloured(step, scale), look.direction, ""
     else:
@@ -168,7 +168,7 @@ def hot_spots(look: Look) -> Figure:
     states, step = look.states, look.states.main
     skin = states.skin
     stretch, limit, hot = hottest(states, step)
-    scale = Scale(stretch, "largest_stretch")
+    scale = Scale(stretch, "largest_stretch", rows=[states.rows[step]])
     layers = look.translucent(step, 0.22, {"color": SOLID, "opacity": 0.25, "culling": "back"})
     faces = outer_faces(states.cells[hot], states.cell_name)[:, QUARTERS].reshape(-1, 3)
     used, triangles = np.unique(faces, return_inverse=True)

@@ -14,9 +14,12 @@ from softmodels.supply import AMBIENT, GASES, SupplyError, Syringe
 UNITS = {"syringe": "m^3", "dead_volume": "m^3", "ambient": "Pa"}
 
 
-def to_table(supply: Syringe) -> dict[str, Any]:
-    """A syringe as a TOML table; `from_table` gives back an equal one."""
-    table: dict[str, Any] = {key: exact_text(getattr(supply, key), unit) for key, unit in UNITS.items()}
+def to_table(supply: Syringe, text: Callable[[float, str], str] = exact_text) -> dict[str, Any]:
+    """A syringe as a TOML table; `from_table` gives back an equal one.
+
+    ``text`` writes the quantities; `measurement.units.readable` is for people.
+    """
+    table: dict[str, Any] = {key: text(getattr(supply, key), unit) for key, unit in UNITS.items()}
     return {"kind": "syringe", **table, "gas": supply.gas, "leak_per_m3": supply.leak}
 
 

@@ -89,10 +89,11 @@ class Look:
     def scale(self, steps: Sequence[int], field: str = "von_mises_stress") -> Scale:
         """One scale for what is seen in some states: everything where a cut is seen, else the outside alone."""
         states, skin = self.states, self.states.skin
+        rows = [states.rows[step] for step in steps]
         if self.opened:
-            return Scale(np.array([states.field(step, field) for step in steps]), field)
+            return Scale(np.array([states.field(step, field) for step in steps]), field, rows=rows)
         outside = np.unique(skin.nodes[skin.triangles[skin.part == OUTSIDE]])
-        return Scale(np.array([states.field(step, field)[outside] for step in steps]), field, "outside")
+        return Scale(np.array([states.field(step, field)[outside] for step in steps]), field, "outside", rows)
 
     def coloured(self, step: float, scale: Scale) -> list[Any]:
         """Layers of a state, coloured, with its sharp edges."""

@@ -1,0 +1,135 @@
+"""One definition and one number for each maximum, wherever it is read; jumps, forces and lengths as people read them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from geometries import table as geometry_table
+from measurement.units import exact_text, quantity, readable
+from softmodels import closing, plots, report, sections, stills
+from softmodels.stability_report import events, jumps_text, unlocated
+from softmodels.states import States
+from softmodels.views import look
+
+CYCLE = (
+    "--variant",
+    "shadow",
+    "--material",
+    "yeoh",
+    "--c1",
+    "10kPa",
+    "--c2",
+    "20Pa",
+    "--c3",
+    "3Pa",
+    "--poisson",
+    "0.495",
+)
+"""A law that stiffens late, under which the thin disk jumps out once and back twice."""
+
+
+@pytest.fixture(scope="module")
+def inflated(runs, tmp_path_factory):
+    """A run whose nodal stresses and stretches pass those at the integration points, and what it said."""
+    folder = tmp_path_factory.mktemp("inflated") / "disk"
+    return folder, runs.disk(folder, "--pressure-cm", "0,70,177")
+
+
+@pytest.fixture(scope="module")
+def cycled(runs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cycled") / "disk"
+    return folder, runs.disk(folder, "--pressure-cm", "0,20,36", "--cycle", *CYCLE)
+
+
+def texts(figure):
+    """All words of a figure."""
+    return " ".join(text.get_text() for text in [*figure.texts, *(t for axes in figure.axes for t in [axes.title])])
+
+
+def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated, runs):
+    folder, done = inflated
+    row = runs.rows(folder)[-1]
+    stress, stretch = f"{row['max_von_mises_kPa']:.4g}", f"{row['max_stretch']:.4g}"
+    states = States(folder, "disk")
+    nodal = states.field(states.main, "von_mises_stress").max() / 1e3
+    assert f"{nodal:.4g}" != stress  # or this shows nothing
+    assert f"stretch {stretch} and von Mises stress {stress} kPa (at integration points)" in done.out
+    assert f"the largest stretch is {stretch}" in report.write(look(states), folder, "disk").read_text()
+    scale = look(states).scale(states.shown())
+    assert (f"{scale.largest:.4g}", scale.defined) == (stress, "at an integration point")
+    moved, values = states.moved(states.main), states.field(states.main, "von_mises_stress")
+    figure = sections.section_stress(states.points, moved, states.cells, values, states.rows[states.main], "apex")
+    assert f"largest, at an integration point: {stress} kPa" in texts(figure)
+    assert f"largest stretch {stretch} at 177 cm" in stills.peak_text(states, states.main)
+
+
+def test_a_cycle_tells_its_jumps(cycled, runs):
+    folder, done = cycled
+    assert done.status == 0, done.err
+    rows = runs.rows(folder)
+    landed = [k for k, row in enumerate(rows) if row["jump"]]
+    assert len(landed) == 3 and done.out.count("it inflates") == 1 and done.out.count("it collapses") == 2
+    for k in landed:
+        before, after = rows[k - 1], rows[k]
+        assert f"at {before['pressure_cm']:.4g} cm it" in done.out
+        assert f"apex rise {before['apex_mm']:.4g} to {after['apex_mm']:.4g} mm" in done.out
+    jumps = [event for event in events(rows, "apex") if event["kind"] == "jump"]
+    assert [jump["way"] for jump in jumps] == ["inflates", "collapses", "collapses"]
+    assert [jump["from_apex_mm"] for jump in jumps] == [rows[k - 1]["apex_mm"] for k in landed]
+    # Limit points that it comes to from the other side are no bifurcations.
+    assert unlocated(rows) == "" and "could not be located" not in done.out
+
+
+def test_a_syringes_jump_starts_where_its_gas_still_held():
+    keys = ("pressure_cm", "added_volume_ml", "apex_mm", "stable_under_supply", "jump", "stroke_limit")
+    table = ((20, 5, 4, 1, 0, 0), (21, 6, 5, 1, 0, 1), (19, 9, 8, 0, 0, 0), (15, 20, 16, 1, 1, 0))
+    rows = [dict(zip(keys, row, strict=True)) for row in table]
+    assert jumps_text(rows, "apex") == (
+        "the device jumps: at 21 cm to 15 cm it inflates, apex rise 5 to 16 mm, added volume 6 to 20 ml"
+    )
+
+
+def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled, runs):
+    rows = runs.rows(cycled[0])
+    places = plots.branches(rows)
+    landed = [k for k, row in enumerate(rows) if row["jump"]]
+    asked = [(row["pressure_cm"], place) for row, place in zip(rows, places, strict=True) if row["requested"]]
+    jumped = "after the jump"
+    assert asked == [(0, "up"), (20, "up"), (36, f"up, {jumped}"), (36, f"down, {jumped}"), (20, "down"), (0, "down")]
+    assert all(place == "down" for place in places[landed[-1] :])
+    assert not any("past the limit" in place for place in places)
+
+
+def test_a_path_by_volume_is_past_the_limit_until_it_is_stable_again():
+    stable, limit = (1, 1, 1, 0, 0, 0, 1), (0, 0, 1, 0, 0, 1, 0)
+    rows = [
+        {"pressure_Pa": p, "added_volume_ml": k, "limit": limit[k], "stable_under_pressure": stable[k]}
+        for k, p in enumerate((0, 5, 6, 5, 4, 3, 4))
+    ]
+    words = ["", "", "limit point", "past the limit", "past the limit", "limit point", "stable again"]
+    assert plots.branches(rows) == words
+
+
+def test_forces_are_in_the_closing_line():
+    assert closing.pressed({"blocked_force_N": 0.123456}) == ", blocked force 0.1235 N"
+    assert closing.pressed({"contact_force_N": 3.07765}) == ", contact force 3.078 N"
+    assert closing.pressed({"pressure_cm": 3.0}) == ""
+
+
+def test_lengths_are_written_as_people_write_them():
+    rng = np.random.default_rng(11)
+    for value in [*rng.integers(1, 99999, 300) / 10.0, 0.7, 0.9, 0.3, 12.3, 2.675]:
+        metres = quantity(f"{value}mm", "m")
+        assert readable(metres, "m") == f"{value:g} mm"
+        text = exact_text(metres, "m")
+        assert (quantity(text, "m") == metres and not re.search(r"0000000|9999999", text.split()[0])) or "m" in text
+    assert readable(0.0009, "m") == "0.9 mm" and exact_text(quantity("0.7mm", "m"), "m") == "0.7 mm"
+    assert readable(quantity("20ml", "m^3"), "m^3") == "20 ml" and readable(14e3, "Pa") == "14 kPa"
+    # What is read back by a machine keeps every bit; what people read does not show the rounding.
+    disk = HollowDisk(membrane=0.0009, cell_size=0.0009)
+    told = geometry_table.to_table(disk, readable)
+    assert told["membrane"] == "0.9 mm" and geometry_table.from_table(geometry_table.to_table(disk)) == disk
