@@ -15,8 +15,9 @@ from measurement.units import UnitError, brief, number
 
 Array = npt.NDArray[np.float64]
 
-COLUMNS = "x_m,z_m,error_m"
-
+COLUMNS = "x_m,z_m,error_m,bridged"
+MEASURED_ONLY = "x_m,z_m,error_m"
+"""Header of files in which every point was measured."""
 
 SHARED = 10e-6
 """Standard error in m above which it is no longer each point's own."""
@@ -41,6 +42,7 @@ class Outline:
         trusted: Whether nothing speaks against it.
         reasons: What speaks against it, one sentence each; empty if trusted.
         sunk: How far the surface beside the bulge lies below the zero plane in m; 0 where that cannot be told from none.
+        bridged: Which points were not measured but bridge a gap, their errors how far the true outline may lie off, (n,).
 
     Raises:
         OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, or x not sorted.
@@ -55,14 +57,20 @@ class Outline:
     trusted: bool = True
     reasons: tuple[str, ...] = ()
     sunk: float = 0.0
+    bridged: npt.NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
             values = np.array(getattr(self, name), dtype=np.float64)  # a copy, so that nobody changes it from outside
             values.flags.writeable = False
             object.__setattr__(self, name, values)
+        bridged = np.array(self.bridged if len(self.bridged) else np.zeros(len(self.x)), dtype=bool)
+        bridged.flags.writeable = False
+        object.__setattr__(self, "bridged", bridged)
         if self.x.ndim != 1 or len(self.x) == 0 or self.x.shape != self.z.shape or self.x.shape != self.error.shape:
             raise OutlineError(f"{self.source}: an outline needs as many x as z and errors, and at least one")
+        if self.bridged.shape != self.x.shape:
+            raise OutlineError(f"{self.source}: an outline needs to know of each point whether it was measured")
         if not all(np.isfinite(values).all() for values in (self.x, self.z, self.error)):
             raise OutlineError(f"{self.source}: a point of the outline is not finite")
         if not (self.error > 0.0).all():
@@ -109,7 +117,16 @@ class Outline:
     @property
     def height_error(self) -> float:
         """Standard error of `height` in m; most of it is common to the points around the top."""
-        return float(np.median(self.error[self._top]))
+        usual = float(np.median(self.error[self._top]))
+        return max(usual, float(self.error[self.apex])) if self.bridged[self._top].any() else usual
+
+    def measured(self) -> Outline:
+        """The outline without the points that were not measured; itself if there are none."""
+        if not self.bridged.any():
+            return self
+        kept = ~self.bridged
+        parts = {name: getattr(self, name)[kept] for name in ("x", "z", "error", "bridged")}
+        return dataclasses.replace(self, **parts)
 
     def to_csv(self, path: Path) -> None:
         """Write the outline: comment lines with ``#``, a header, a row per point."""
@@ -121,7 +138,10 @@ class Outline:
             f"trusted = {'yes' if self.trusted else 'no'}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
         ]
-        rows = [f"{x:.9g},{z:.9g},{error:.4g}" for x, z, error in zip(self.x, self.z, self.error, strict=True)]
+        rows = [
+            f"{x:.9g},{z:.9g},{error:.4g},{bridged:d}"
+            for x, z, error, bridged in zip(self.x, self.z, self.error, self.bridged, strict=True)
+        ]
         text = "\n".join([*(f"# {note}" for note in notes), COLUMNS, *rows]) + "\n"
         Path(path).write_text(text, encoding="utf-8")
 
@@ -130,7 +150,7 @@ class Outline:
         """Read what `to_csv` wrote.
 
         Raises:
-            OutlineError: No such file, a missing comment line, or a row that is not three numbers.
+            OutlineError: No such file, a missing comment line, or a row that is not three numbers and perhaps a 0 or 1.
         """
         path = Path(path)
         try:
@@ -146,7 +166,7 @@ class Outline:
                 if name.strip() == "reason":
                     reasons.append(value.strip())
                 notes[name.strip()] = value.strip()
-            elif line.strip() and line.strip().replace(";", ",") != COLUMNS:
+            elif line.strip() and line.strip().replace(";", ",") not in (COLUMNS, MEASURED_ONLY):
                 rows.append(_row(path, place, line))
         try:
             pressure, pressure_error = number(notes["pressure_Pa"]), number(notes["pressure_error_Pa"])
@@ -155,7 +175,7 @@ class Outline:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except UnitError as error:
             raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa or sunk_m: {error}") from None
-        points = np.array(rows, dtype=np.float64).reshape(-1, 3)
+        points = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trusted = notes.get("trusted", "no") == "yes"
         if not trusted and not reasons:
             reasons = ["its file does not say that it can be trusted"]
@@ -169,6 +189,7 @@ class Outline:
             trusted,
             tuple(reasons),
             sunk,
+            points[:, 3] > 0.0,
         )
 
 
@@ -178,6 +199,10 @@ def _row(path: Path, place: int, line: str) -> list[float]:
         values, why = [number(word) for word in words], ""
     except UnitError as error:
         values, why = [], f": {error}"
-    if len(values) != 3:
-        raise OutlineError(f"{path}, line {place}: {brief(line.strip())} is not three numbers ({COLUMNS}){why}")
+    if len(values) == 3:
+        values.append(0.0)
+    if len(values) != 4 or values[3] not in (0.0, 1.0):
+        raise OutlineError(
+            f"{path}, line {place}: {brief(line.strip())} is not three numbers and 0 or 1 ({COLUMNS}){why}"
+        )
     return values

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from measurement.outline import Outline, OutlineError
 from measurement.pixels import Unmeasurable
+from measurement.ripples import check_ripples
 from measurement.setup import Setup
 from measurement.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
 from measurement.smoothing import SPAN
@@ -36,6 +37,9 @@ SIDE = 0.5
 
 GAP, LARGEST_GAP = 1e-3, 4e-3
 """Missing length of edge in m that makes an outline untrusted, and that makes it none."""
+
+TOP_GAP = 0.5e-3
+"""Missing length of edge in m that makes an outline untrusted where its highest place may lie in it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +87,8 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
 def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     """`find_zero` of an edge that has been traced already."""
     errors = setup.error(traced.px, traced.error_px, traced.normals)
-    line = ZeroLine.fit(traced.points, traced.normals, errors)
+    seen = ~traced.bridged
+    line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
     return dataclasses.replace(line, tone=traced.tone, doubts=traced.doubts)
 
 
@@ -112,9 +117,11 @@ def outline_of(
     reasons = list(traced.doubts)
     sunk, moved, doubt = displacement(placed, upwards, error, zero)
     error = np.hypot(error, moved)
-    doubts = [doubt, check_corners(zero.place(setup.to_metres(traced.edge.px))), check_width(placed, error, zero)]
+    raw = zero.place(setup.to_metres(traced.edge.px))
+    doubts = [doubt, check_corners(raw), check_ripples(raw), check_width(placed, error, zero)]
     doubts.append(check_clear(placed[above], error[above]))
     reasons += [doubt for doubt in doubts if doubt is not None]
+    sunken = ~above & ~traced.bridged
     above &= ~_rounded(placed, upwards)
     if above.sum() < FEWEST_POINTS:
         raise Unmeasurable("between the body's two sides too little of its surface is seen")
@@ -126,12 +133,9 @@ def outline_of(
             f"it seems to store light as {traced.tone} where the zero plane's photograph has {zero.tone}; tell which it is "
             "with --tone"
         )
-    inner = placed[first : last + 1]
-    missing = _largest_gap(inner, above[first : last + 1])
-    if missing > LARGEST_GAP:
-        raise Unmeasurable(f"the outline has a gap of {missing * 1e3:.1f} mm where no edge is clear")
-    if missing > GAP:
-        reasons.append(f"the outline has a gap of {missing * 1e3:.1f} mm where no edge is clear")
+    inner = slice(first, last + 1)
+    _check_dents(placed[inner], sunken[inner])
+    reasons += _gaps(placed[inner], error[inner], above[inner], traced.bridged[inner], traced.doubts)
     overhang = _overhang(placed[kept], error[kept])
     if overhang > 0.01:
         reasons.append(f"{overhang:.0%} of the outline overhangs, which heights over x cannot show")
@@ -149,6 +153,7 @@ def outline_of(
             not reasons,
             tuple(reasons),
             sunk,
+            traced.bridged[order],
         )
     except OutlineError as problem:
         raise Unmeasurable(str(problem)) from None
@@ -173,11 +178,50 @@ def _rounded(placed: Array, upwards: Array) -> npt.NDArray[np.bool_]:
     return near & (np.abs(placed[:, 1]) < 3.0 * ON_SURFACE)
 
 
-def _largest_gap(placed: Array, above: npt.NDArray[np.bool_]) -> float:
-    """Longest missing length in m between neighbouring points of which one at least lies above the surface."""
-    step = np.linalg.norm(np.diff(placed, axis=0), axis=1)
-    matters = above[1:] | above[:-1]
-    return float(step[matters].max(initial=0.0))
+def _check_dents(placed: Array, sunken: npt.NDArray[np.bool_]) -> None:
+    """Refuse a surface that lies below the undeformed one between places where it does not."""
+    ends = np.flatnonzero(np.diff(np.r_[False, sunken, False].astype(int)))
+    for start, stop in ends.reshape(-1, 2):
+        length = float(np.ptp(placed[start:stop, 0]))
+        if length > GAP:
+            raise Unmeasurable(
+                f"over {length * 1e3:.1f} mm the surface lies up to {-placed[start:stop, 1].min() * 1e3:.2f} mm below the "
+                "undeformed one: it is dented or drawn in; only what rises above that surface is measured"
+            )
+
+
+def _gaps(
+    placed: Array, error: Array, above: npt.NDArray[np.bool_], bridged: npt.NDArray[np.bool_], doubts: tuple[str, ...]
+) -> list[str]:
+    """What speaks against an outline that was not measured everywhere.
+
+    Args:
+        placed: Edge as x along the surface and z above it in m, in order, shape (n, 2).
+        error: Standard errors in m, shape (n,).
+        above: Which points do not lie below the surface, shape (n,).
+        bridged: Which points were not measured, shape (n,).
+        doubts: What else speaks against it, which may tell why something is missing.
+
+    Raises:
+        Unmeasurable: Too much is missing.
+    """
+    seen = np.flatnonzero(~bridged)
+    lengths = np.linalg.norm(np.diff(placed[seen], axis=0), axis=1)
+    lengths[~(above[seen[1:]] | above[seen[:-1]])] = 0.0
+    if lengths.max(initial=0.0) > LARGEST_GAP:
+        words = f"the outline has a gap of {lengths.max() * 1e3:.1f} mm where no edge is clear"
+        raise Unmeasurable("; ".join([words, *doubts]))
+    top = int(np.argmax(placed[:, 1]))
+    found = []
+    for at in np.flatnonzero(lengths > TOP_GAP):
+        first, last = seen[at], seen[at + 1]
+        words = f"the outline has a gap of {lengths[at] * 1e3:.1f} mm where no edge is clear"
+        reach = placed[first : last + 1, 1] + 2.0 * error[first : last + 1]
+        if placed[top, 1] > 3.0 * ON_SURFACE and reach.max() > placed[top, 1]:
+            found.append(f"{words}, and its highest place may lie in it")
+        elif lengths[at] > GAP:
+            found.append(words)
+    return found
 
 
 def _overhang(placed: Array, error: Array) -> float:

@@ -28,7 +28,7 @@ SHOWN = 1200
 HEAD = 0.62
 """Room in inches for up to three lines above a photograph."""
 
-EDGE_COLOUR, REFUSED = "#ff2e63", "#c0392b"
+EDGE_COLOUR, BRIDGE_COLOUR, REFUSED = "#ff2e63", "#ffd60a", "#c0392b"
 
 
 def draw_edge(
@@ -50,7 +50,7 @@ def draw_edge(
     axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD)))
     _show(axes, small, factor)
     if traced is not None:
-        axes.plot(*traced.px.T, color=EDGE_COLOUR, linewidth=1.6)
+        _draw_line(axes, traced, 1.6)
     if setup.roi is not None:
         x0, y0, x1, y1 = setup.roi
         axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color="white", linewidth=1.0, linestyle="--")
@@ -85,7 +85,7 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
         shown, ax=axes[1], location="bottom", fraction=0.07, pad=0.03, label="0 in the shadow, 1 on the lit screen"
     )
     _show(axes[2], small, factor)
-    axes[2].plot(*traced.px.T, color=EDGE_COLOUR, linewidth=1.5)
+    _draw_line(axes[2], traced, 1.5)
     axes[2].set_title(f"3. The edge in raw pixels, ± {np.median(traced.error_px):.2f} px")
     for part in axes:
         part.set_xlabel("x in px")
@@ -94,7 +94,11 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
         part.grid(False)
     below = last.subplots()
     below.fill_between(outline.x * 1e3, 0.0, outline.z * 1e3, color="#d9e2ec")
-    below.plot(outline.x * 1e3, outline.z * 1e3, color="#2f6f9f", linewidth=2.0)
+    below.plot(outline.x * 1e3, np.where(outline.bridged, np.nan, outline.z) * 1e3, color="#2f6f9f", linewidth=2.0)
+    if outline.bridged.any():
+        below.plot(
+            outline.x * 1e3, np.where(outline.bridged, outline.z, np.nan) * 1e3, ":", color="#9a6700", linewidth=2.0
+        )
     below.axhline(0.0, color="#829ab1", linewidth=1.0)
     below.set_aspect("equal")
     below.set_title(f"4. The outline, ± {np.median(outline.error) * 1e6:.1f} µm")
@@ -102,6 +106,19 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
     below.set_ylabel("height in mm")
     below.grid(alpha=0.3)
     figure.savefig(path)
+
+
+def _draw_line(axes: Axes, traced: Traced, width: float) -> None:
+    """The edge, dotted where it only bridges a gap."""
+    if traced.bridged.any():
+        axes.plot(*_parted(traced.px, traced.bridged).T, color=BRIDGE_COLOUR, linewidth=width, linestyle=":")
+    axes.plot(*_parted(traced.px, ~traced.bridged).T, color=EDGE_COLOUR, linewidth=width)
+
+
+def _parted(points: Array, shown: npt.NDArray[np.bool_]) -> Array:
+    """Points (n, 2) with NaN in place of those that are not shown, and do not lie beside one that is."""
+    beside = shown | np.r_[False, shown[:-1]] if not shown.all() else shown
+    return np.where(beside[:, None], points, np.nan)
 
 
 def _reduced(image: Pixels) -> tuple[Pixels, float]:

@@ -68,9 +68,9 @@ def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
             outline.x * 1e3, (outline.z - 2 * outline.error) * 1e3, (outline.z + 2 * outline.error) * 1e3,
             color=colour, alpha=0.3, linewidth=0.0,
         )  # fmt: skip
-        axes.plot(
-            outline.x * 1e3, outline.z * 1e3, color=colour, linewidth=1.6, linestyle="-" if outline.trusted else ":"
-        )
+        # A gap stays open; its band alone shows how far the outline may lie off there.
+        seen = np.where(outline.bridged, np.nan, outline.z) * 1e3
+        axes.plot(outline.x * 1e3, seen, color=colour, linewidth=1.6, linestyle="-" if outline.trusted else ":")
     axes.set_aspect("equal")
     axes.set_xlabel("along the surface in mm")
     axes.set_ylabel("above the surface in mm")

@@ -74,7 +74,7 @@ class Bench:
         """The bench of a seed; every other one shows the body's sides."""
         rng = np.random.default_rng([2013, seed])
         scene = Scene(
-            width=1600, height=1040, focal_px=3600.0, pixel_size=22e-6, tilt=rng.uniform(-5.0, 15.0),
+            width=1250, height=820, focal_px=2850.0, pixel_size=28e-6, tilt=rng.uniform(-5.0, 15.0),
             pan=rng.uniform(-25.0, 25.0), roll=rng.uniform(-2.0, 2.0), distortion=(rng.uniform(-0.1, 0.05),),
             target=(rng.uniform(-1e-3, 1e-3), rng.uniform(0.0, 1.5e-3)), grid_pitch=float(rng.choice([4.5e-3, 9e-3])),
             line_width=rng.uniform(0.3e-3, 0.6e-3), line_grey=rng.uniform(0.15, 0.4), brightness=rng.uniform(150.0, 225.0),

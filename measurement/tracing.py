@@ -8,14 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import savgol_filter
 
-from measurement.edge import BETWEEN, Edge, Transmission, coarse_contour, refine_edge
+from measurement.bridging import smoothed
+from measurement.edge import Edge, Transmission, coarse_contour, refine_edge
 from measurement.pixels import TONES, Pixels, Unmeasurable, read_photograph, sample_light
 from measurement.screen import GridLook, look_at_grid
 from measurement.setup import Setup
 from measurement.shadow import CoarseShadow, ShadowColour, check_exposure, find_shadow
-from measurement.smoothing import robust_loess
 from measurement.threads import touched_by_thread
 
 Array = npt.NDArray[np.float64]
@@ -62,8 +61,8 @@ TELLING = 1.5
 TONE_SHIFT, TONE_HARM = 0.4, 5e-6
 """Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
 
-REPEATED = 1.5
-"""Neighbouring stations share noise (JPEG's blocks, dust), so a smoothed point is this much worse than if they did not."""
+LONGEST_BRIDGE = 10e-3
+"""Length in m of the longest gap in an edge that is bridged, so that it can be shown; its points are no measured ones."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -76,7 +75,7 @@ class Traced:
         error_px: Standard error of the smoothed edge in px, shape (n,).
         points: The smoothed edge in m, shape (n, 2).
         normals: Unit vectors across it on the screen, from shadow to light, shape (n, 2).
-        spacing: Distance in m to the next point, shape (n - 1,).
+        bridged: Which points lie in a gap of the edge, where nothing was measured, shape (n,).
         rim: Places in m where the shadow meets the frame or the region of interest, shape (m, 2).
         moved: Movement in m of the screen's picture since the setup; NaN where there is no grid.
         scale: Length in m of a pixel in the middle.
@@ -91,7 +90,7 @@ class Traced:
     error_px: Array
     points: Array
     normals: Array
-    spacing: Array
+    bridged: npt.NDArray[np.bool_]
     rim: Array
     moved: float
     scale: float
@@ -173,19 +172,19 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
     ink = np.ones(coarse.mask.shape) if through is None else through(places)
     if touched_by_thread(light[small], coarse, ink, WIDEST_LINE * pitch_px, scale * factor):
         doubts += ("a thin dark thing (hair, thread, tube, a speck) touches the shadow",)
-    px, error_px = _smoothed(edge)
+    line = smoothed(edge, LONGEST_BRIDGE / scale)
+    px, error_px = line.px, line.error
     points = setup.to_metres(px)
     if not np.isfinite(points).all():
         raise Unmeasurable("the shadow lies where the lens correction is not defined")
     slope = setup.jacobian(px)
-    normals = np.linalg.solve(np.swapaxes(slope, 1, 2), edge.normal[..., None])[..., 0]
+    normals = np.linalg.solve(np.swapaxes(slope, 1, 2), line.normal[..., None])[..., 0]
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    typical = float(np.median(setup.error(px, error_px, normals)))
+    typical = float(np.median(setup.error(px, error_px, normals)[~line.bridged]))
     if typical > NOISIEST:
         raise Unmeasurable(f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um")
     rim = _rim(coarse.mask, roi, setup)
-    return Traced(edge, px, error_px, points, normals, spacing, rim, moved, scale, coarse, roi, tone, doubts)
+    return Traced(edge, px, error_px, points, normals, line.bridged, rim, moved, scale, coarse, roi, tone, doubts)
 
 
 def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
@@ -290,28 +289,6 @@ def _check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
     if share > MOST_PARTS:
         return (f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection",)
     return ()
-
-
-def _smoothed(edge: Edge) -> tuple[Array, Array]:
-    """The edge along its own length as robust loess sees it, and its standard error in px."""
-    arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))]
-    arc = arc + np.arange(len(arc)) * 1e-9  # strictly rising even where two points coincide
-    # Loess sees distances across a plain local quadratic through the points: along the edge there is nothing to smooth,
-    # and an edge that runs along the pixels would leave it nothing but rounding errors.
-    guide = savgol_filter(edge.px, min(21, (len(arc) - 1) // 2 * 2 + 1), 2, axis=0)
-    turn = np.gradient(guide, axis=0)
-    across = np.column_stack([turn[:, 1], -turn[:, 0]]) / np.maximum(np.linalg.norm(turn, axis=1), 1e-12)[:, None]
-    offset = np.einsum("ni,ni->n", edge.px - guide, across)
-    smooth = robust_loess(arc, offset)
-    px = guide + smooth.value[:, None] * across
-    off = np.abs(offset - smooth.value)
-    window = min(61, len(off) // 2 * 2 - 1)
-    padded = np.pad(off, window // 2, mode="reflect")
-    # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
-    local = 1.4826 * np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
-    gain = float(np.median(smooth.error / smooth.scatter))
-    # What values between pixels lose of their scatter is in `REPEATED` already.
-    return px, REPEATED * gain * np.maximum(edge.error / np.sqrt(BETWEEN), local)
 
 
 def _rim(mask: npt.NDArray[np.bool_], roi: tuple[int, int, int, int], setup: Setup) -> Array:

@@ -131,7 +131,8 @@ def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tu
     Raises:
         OutlineFitError: What cannot be fitted.
     """
-    chosen = sorted(outlines, key=lambda outline: outline.pressure)
+    # A bridge over a gap is no measurement.
+    chosen = sorted((outline.measured() for outline in outlines), key=lambda outline: outline.pressure)
     _check_pressures(chosen)
     _check_sizes(chosen, actuator, width)
     cut = [(outline, _above(outline)) for outline in chosen]

@@ -98,3 +98,23 @@ def test_unreadable_files_and_silent_ones(tmp_path):
     text = (tmp_path / "a.csv").read_text().replace("# trusted = yes\n", "")
     (tmp_path / "a.csv").write_text(text)
     assert not Outline.from_csv(tmp_path / "a.csv").trusted
+
+
+def test_bridges_are_told_from_measured_points(tmp_path):
+    bridged = np.abs(X) < 0.003
+    outline = made(bridged=bridged, error=np.where(bridged, 80e-6, 2e-6))
+    outline.to_csv(tmp_path / "a.csv")
+    again = Outline.from_csv(tmp_path / "a.csv")
+    assert (again.bridged == bridged).all()
+    assert len(again.measured().x) == (~bridged).sum()
+    # A top that was not measured is known no better than its bridge.
+    assert outline.height_error == pytest.approx(80e-6)
+    with pytest.raises(OutlineError, match="whether it was measured"):
+        made(bridged=bridged[1:])
+
+
+def test_files_without_that_column_were_measured_everywhere(tmp_path):
+    made().to_csv(tmp_path / "a.csv")
+    text = (tmp_path / "a.csv").read_text().replace(",bridged", "").replace("2e-06,0", "2e-06")
+    (tmp_path / "a.csv").write_text(text)
+    assert not Outline.from_csv(tmp_path / "a.csv").bridged.any()

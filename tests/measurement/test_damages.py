@@ -1,0 +1,29 @@
+"""Damaged photographs of random benches: none is wrong and trusted, and good ones stay good."""
+
+from __future__ import annotations
+
+import pytest
+
+from measurement.synthetic_bench import Bench, Run
+
+BENCHES = (4, 5)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [Run(Bench.random(seed)) for seed in BENCHES]
+
+
+def test_good_photographs_of_the_benches_are_right_and_trusted(runs):
+    for run in runs:
+        verdicts = list(run.good_ones())
+        assert [one.outcome for one in verdicts] == ["right"] * len(verdicts), verdicts
+
+
+@pytest.mark.parametrize("kind", ["glint", "water drop on the lens", "fibre along", "dent"])
+def test_what_is_wrong_is_not_trusted(runs, kind):
+    verdicts = [one for run in runs for seed in range(2) for one in run.damaged(kind, seed)]
+    assert len(verdicts) == 4
+    for one in verdicts:
+        assert one.outcome != "wrong", one
+        assert one.outcome != "right" or kind != "dent", one
