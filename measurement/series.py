@@ -12,11 +12,11 @@ from pathlib import Path
 
 import cv2
 
-from measurement import settling
+from measurement import copies, settling
 from measurement.outline import Outline
 from measurement.photo import Refusal, find_zero, outline_of
 from measurement.photo_list import Photograph
-from measurement.pixels import Unmeasurable, read_photograph
+from measurement.pixels import Pixels, Unmeasurable, read_photograph
 from measurement.setup import Setup
 from measurement.tracing import AUTO, trace, trace_image
 from measurement.zero import ZeroLine
@@ -37,11 +37,13 @@ class Result:
         photograph: Its row of the list.
         outcome: Its outline, or why there is none.
         name: Stem of its files in the output folder.
+        sample: Patches of its picture, by which copies are found; None where it could not be read.
     """
 
     photograph: Photograph
     outcome: Outline | Refusal
     name: str
+    sample: Pixels | None = None
 
 
 def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO) -> ZeroLine:
@@ -105,16 +107,16 @@ def measure_all(
         One result per photograph, in the list's order.
     """
     names = _names(photographs)
-    copies = same_pictures(photographs)
+    same = same_pictures(photographs)
     work = [
         (photo, name, setup, zero, tone, pictures)
         for photo, name in zip(photographs, names, strict=True)
-        if photo.file not in copies
+        if photo.file not in same
     ]
     results: dict[str, Result] = {}
     for photo, name in zip(photographs, names, strict=True):
-        if photo.file in copies:
-            results[name] = Result(photo, Refusal(copies[photo.file], photo.file), name)
+        if photo.file in same:
+            results[name] = Result(photo, Refusal(same[photo.file], photo.file), name)
             done(results[name])
     if jobs <= 1 or len(work) <= 1:
         for task in work:
@@ -142,8 +144,12 @@ def _compared(results: list[Result], setup: Setup, zero: ZeroLine, tone: str, pi
 
 
 def judged(results: list[Result]) -> list[Result]:
-    """Distrust what looks good by itself and is contradicted by the run's other photographs."""
+    """Refuse or distrust what looks good by itself and is contradicted by the run's other photographs."""
     compared = list(results)
+    whole = [result.outcome if isinstance(result.outcome, Outline) else None for result in results]
+    for k, why in copies.copies(whole, [result.sample for result in results]).items():
+        compared[k] = dataclasses.replace(results[k], outcome=Refusal(why, results[k].photograph.file))
+    results = list(compared)
     outlines = {k: result.outcome for k, result in enumerate(results) if isinstance(result.outcome, Outline)}
     found = settling.doubts(list(outlines.values()))
     for (k, outline), doubt in zip(outlines.items(), found, strict=True):
@@ -167,25 +173,27 @@ def _unforeseen(error: Exception) -> str:
 
 
 def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
-    """Why photographs that are copies of each other must not be measured: one of their pressures at least is wrong.
+    """Why files of the same bytes must not be measured: at two pressures one is wrong, at one pressure they count once.
 
     Returns:
-        A sentence for each file whose bytes another file of the list repeats at another pressure.
+        A sentence for each file whose bytes another file of the list repeats; at the same pressure for all but the first.
     """
     alike: dict[str, list[Photograph]] = {}
     for photo in photographs:
         try:
             with photo.file.open("rb") as file:
                 alike.setdefault(hashlib.file_digest(file, "sha256").hexdigest(), []).append(photo)
-        except OSError:
+        except (OSError, ValueError):
             continue  # a file that cannot be read is refused with its own reason
-    return {
-        photo.file: f"it is the same picture as {' and '.join(other.file.name for other in group if other is not photo)}, "
-        "listed at another pressure: one of the two is wrong"
-        for group in alike.values()
-        if len({photo.pressure for photo in group}) > 1
-        for photo in group
-    }
+    found: dict[Path, str] = {}
+    for group in alike.values():
+        one_pressure = len({photo.pressure for photo in group}) == 1
+        for photo in group[1:] if one_pressure else group:
+            others = group[:1] if one_pressure else [other for other in group if other is not photo]
+            names = " and ".join(other.file.name for other in others)
+            wrong = "and counts once" if one_pressure else "listed at another pressure: one of the two is wrong"
+            found[photo.file] = f"it is the same picture as {names}, {wrong}"
+    return found
 
 
 def _alone() -> None:
@@ -195,10 +203,11 @@ def _alone() -> None:
 def _measure_one(
     photo: Photograph, name: str, setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None
 ) -> Result:
-    image, traced = None, None
+    image, traced, sample = None, None, None
     outcome: Outline | Refusal
     try:
         image = read_photograph(photo.file, (setup.camera.width, setup.camera.height))
+        sample = copies.cut_out(image)
         traced = trace_image(image, setup, tone, zero.tone)
         outcome = outline_of(traced, setup, zero, photo.pressure, photo.pressure_error, photo.file.name)
     except Unmeasurable as error:
@@ -209,7 +218,7 @@ def _measure_one(
         from measurement.photo_pictures import draw_edge
 
         draw_edge(pictures / f"{name}.png", image, setup, traced, outcome, photo.pressure)
-    return Result(photo, outcome, name)
+    return Result(photo, outcome, name, sample)
 
 
 def _names(photographs: Sequence[Photograph]) -> list[str]:
