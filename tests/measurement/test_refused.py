@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import itertools
 import re
 
 import cv2
@@ -45,8 +46,13 @@ def turned(shape, degrees):
     return (shape - [0.0, FLOOR]) @ np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) + [0.0, FLOOR]
 
 
-def pixels(outline=DOME, things=(), fault=None, **changes):
-    return photograph(dataclasses.replace(SCENE, **changes), outline, 7, things, fault)[0]
+SEEDS = itertools.count(8)
+"""Every exposure has noise of its own: photographs with one and the same are copies."""
+
+
+def pixels(outline=DOME, things=(), fault=None, seed=None, **changes):
+    seed = next(SEEDS) if seed is None else seed
+    return photograph(dataclasses.replace(SCENE, **changes), outline, seed, things, fault)[0]
 
 
 def glint(light, truth):
@@ -119,7 +125,7 @@ UNSURE = {
         lambda: pixels(things=[np.array([[-1.5, 0], [1.5, 0], [0, 9]]) * 1e-3 + [0, FLOOR]]),
         "corner of|thin dark thing|bends sharply|overhangs|no rounded top",
     ),
-    "dirty": (lambda: pixels(dust=1000), "too dusty|bends sharply|gap|corner|touches"),
+    "dirty": (lambda: pixels(dust=1000, seed=7), "too dusty|bends sharply|gap|corner|touches"),
     "noisy": (lambda: pixels(noise=40.0), "too noisy|how the file stores light"),
     "hair": (lambda: pixels(things=[turned(box(-0.1, 0.1, 0, 7), 20)]), "thin dark thing"),
     "thread over the top": (lambda: pixels(things=[box(-50, 50, 3.95, 4.15)]), "thin dark thing"),
