@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
@@ -122,11 +120,11 @@ def test_forces_are_in_the_closing_line():
 
 def test_lengths_are_written_as_people_write_them():
     rng = np.random.default_rng(11)
-    for value in [*rng.integers(1, 99999, 300) / 10.0, 0.7, 0.9, 0.3, 12.3, 2.675]:
+    for value in [*rng.integers(1, 9999, 300) / 10.0, 0.7, 0.9, 0.3, 12.3, 2.675]:
         metres = quantity(f"{value}mm", "m")
         assert readable(metres, "m") == f"{value:g} mm"
         text = exact_text(metres, "m")
-        assert (quantity(text, "m") == metres and not re.search(r"0000000|9999999", text.split()[0])) or "m" in text
+        assert quantity(text, "m") == metres
     assert readable(0.0009, "m") == "0.9 mm" and exact_text(quantity("0.7mm", "m"), "m") == "0.7 mm"
     assert readable(quantity("20ml", "m^3"), "m^3") == "20 ml" and readable(14e3, "Pa") == "14 kPa"
     # What is read back by a machine keeps every bit; what people read does not show the rounding.
