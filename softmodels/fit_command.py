@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import click
 from geometries.options import QuantityType
 from measurement.units import UnitError, quantity
 from softmodels.commandline import fail
+from softmodels.contradiction import fitted_alone, own_file, told_apart
 from softmodels.fit_comparison import compare
 from softmodels.fit_report import Fitted, Report, as_json, as_text, material_toml, write_curves
 from softmodels.fitting import Fit, FitError, Prior
@@ -20,8 +22,9 @@ from softmodels.law_stability import judge
 from softmodels.materials import LAWS
 from softmodels.outcomes import DONE, FAILED
 from softmodels.parallel import speaks
-from softmodels.tensile import TensileError
-from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of, spread
+from softmodels.progress import Progress
+from softmodels.tensile import TensileCurve, TensileError
+from softmodels.tensile_fit import StressError, fit_law, largest_strain, on_yardstick, residuals_of, spread
 from softmodels.tensile_options import read_curves, specimen_options, tensile_option
 
 
@@ -81,6 +84,8 @@ def fit_material(**options: Any) -> None:
     \b
     Exit status: 0 done; 1 no law could be fitted soundly; 2 bad input.
     """
+    if options["output"].exists() and not options["output"].is_dir():
+        fail(f"the results cannot be written: {options['output']} is a file, not a folder")
     try:
         report = _report(options)
     except (FitError, TensileError, UnitError) as error:
@@ -92,6 +97,9 @@ def fit_material(**options: Any) -> None:
             fail(f"the results cannot be written: {error}")
         if not options["quiet"]:
             click.echo(as_text(report))
+        if report.apart:
+            click.echo(f"softmodels: {report.apart.pairs[0].sentence}; {report.apart.spread}", err=True)
+        if not options["quiet"]:
             click.echo(f"written to {options['output']}; go on with --material {options['output'] / 'fitted.toml'}")
     if speaks() and not report.chosen.sound:
         click.echo(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
@@ -112,29 +120,71 @@ def _report(options: dict[str, Any]) -> Report:
         from softmodels.outline_command import device_report
 
         return device_report({**options, "stress": error, "gauge": gauge_error}, curves, choices)
+    return _curve_report(options, curves, choices, error, gauge_error)
+
+
+def _curve_report(
+    options: dict[str, Any],
+    curves: Sequence[TensileCurve],
+    choices: Sequence[LawChoice],
+    error: StressError,
+    gauge: float,
+) -> Report:
+    """Fit every law to all curves together, and to each alone where they contradict each other."""
     changes = [changes_for(choice, options, alone=len(choices) == 1) for choice in choices]
     errors = "stated" if error.stated else "unknown"
+    progress = Progress(len(choices), "laws", "", options["quiet"] or not speaks())
 
     def fit_all(**how: Any) -> list[Fit]:
         found = []
-        for choice, change in zip(choices, changes, strict=True):
-            sources, gauges = residuals_of(curves, choice, error, gauge_error)
+        for i, (choice, change) in enumerate(zip(choices, changes, strict=True), 1):
+            if len(choices) > 1:
+                progress.say(f"fitting {choice.name}, law {i} of {len(choices)}")
+            sources, gauges = residuals_of(curves, choice, error, gauge, level=True)
             found.append(fit_law(choice, sources, gauges, changes=change, errors=errors, **how))
         return found
 
     fitted = fit_all()
+    robust: dict[str, Any] = {}
     if options["robust"]:
         # What counts as an outlier is the closest law's to say, for all laws alike.
-        fitted = fit_all(loss="soft_l1", scale=min(map(spread, fitted)))
-    comparison = compare(fitted)
+        robust = {"loss": "soft_l1", "scale": min(map(spread, fitted))}
+        fitted = fit_all(**robust)
+    comparison = compare(fitted, _judged(fitted, curves, choices, error, gauge))
     strain = largest_strain(curves)
     laws = []
     for ranked in comparison.ranked:
         choice = choices[fitted.index(ranked.fit)]
+        if not options["no_profiles"] and len(ranked.fit.free) > 2:
+            progress.say(f"intervals of {choice.name}")
         profiles = {} if options["no_profiles"] else {p.name: ranked.fit.profile(p.name) for p in ranked.fit.free}
         material = choice.material(ranked.fit.values)
         laws.append(Fitted(choice, ranked.fit, material, judge(material, strain), profiles))
-    return Report(tuple(laws), comparison, tuple(curves), _how(options))
+    report = Report(tuple(laws), comparison, tuple(curves), _how(options))
+    chosen = report.chosen.choice
+    own_changes = {name: change for name, change in changes[choices.index(chosen)].items() if name in chosen.names}
+
+    def fit_one(curve: TensileCurve) -> Fitted:
+        sources, _ = residuals_of([curve], chosen, error)
+        return fitted_alone(chosen, fit_law(chosen, sources, changes=own_changes, errors=errors, **robust), curve)
+
+    return dataclasses.replace(report, apart=told_apart(curves, gauge, fit_one))
+
+
+def _judged(
+    fitted: Sequence[Fit],
+    curves: Sequence[TensileCurve],
+    choices: Sequence[LawChoice],
+    error: StressError,
+    gauge: float,
+) -> list[Fit] | None:
+    """The laws on the yardstick that they are compared by; None for one law alone, which nothing is compared with."""
+    if len(fitted) < 2:
+        return None
+    return [
+        on_yardstick(one, residuals_of(curves, choice, error, gauge)[0])
+        for one, choice in zip(fitted, choices, strict=True)
+    ]
 
 
 def _how(options: dict[str, Any]) -> str:
@@ -211,6 +261,10 @@ def write(report: Report, folder: Path, draw: bool) -> None:
     for one in report.laws:
         if len(report.laws) > 1:
             (folder / f"fitted-{one.choice.name}.toml").write_text(material_toml(one, report), encoding="utf-8")
+    if report.apart:
+        for curve, one in zip(report.apart.curves, report.apart.own, strict=True):
+            own = dataclasses.replace(report, curves=(curve,), apart=None)
+            (folder / own_file(report.apart, curve)).write_text(material_toml(one, own), encoding="utf-8")
     (folder / "fit.json").write_text(as_json(report), encoding="utf-8")
     write_curves(folder / "curves.csv", report.laws, report.curves)
     if draw:

@@ -8,19 +8,35 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softmodels.fit_problem import loss_of
 from softmodels.fit_result import Fit
 
 UNDECIDED = 2.0
 """Laws whose criteria differ by less than this are equally good (Burnham & Anderson 2002, section 2.6)."""
+CURVE_VALUES = 10.0
+"""Independent values that one measured curve is worth, however many points it has: what a pull gets wrong (cross-section,
+grips, crosshead strain) keeps together over about a tenth of it."""
+MOST_RATIO = 2.5
+"""A law whose root mean square misfit is this many times another's is not preferred, however simple it is."""
+SAME = 1e-3
+"""Misfits below this share of the yardstick are equally good: nothing measured tells them apart."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Ranked:
-    """A fit with its criteria relative to the best one's, which are 0."""
+    """A fit with its criteria relative to the best one's, which are 0.
+
+    Attributes:
+        fit: The fit.
+        aicc: Akaike's corrected criterion.
+        bic: Schwarz's.
+        ratio: Root mean square misfit over that of the closest law.
+    """
 
     fit: Fit
     aicc: float
     bic: float
+    ratio: float = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,39 +54,86 @@ class Comparison:
     sentence: str
 
 
-def compare(fits: Sequence[Fit]) -> Comparison:
+def compare(fits: Sequence[Fit], judged: Sequence[Fit] | None = None) -> Comparison:
     """Rank fits of the same measurements by the quasi-likelihood form of Akaike's corrected criterion.
 
-    QAICc divides the deviance by the variance that remains in the closest fit, its runs of like sign counted, so that a
-    thousand points on a curve that no law follows exactly do not pass for a thousand arguments (Burnham & Anderson 2002,
-    Model Selection and Multimodel Inference, section 2.5). The BIC is formed likewise.
+    QAICc divides the misfit by the variance that remains in the closest fit (Burnham & Anderson 2002, Model Selection and
+    Multimodel Inference, section 2.5). What the misfit is counted in decides, so measured curves are judged on one yardstick,
+    whatever errors they are fitted with: `tensile_fit.on_yardstick` fits each law again with what a test can tell, a share of
+    the stress, and each curve counts as `CURVE_VALUES` values, however densely it is sampled. A further parameter then pays
+    where it takes a tenth off the mean square misfit, or off what a test can tell where the misfit is below that.
+    Other fits count as many values as they have independent residuals, their runs of like sign taken together.
+
+    A law whose root mean square misfit is `MOST_RATIO` times another's is never preferred. The BIC is formed likewise.
 
     Args:
         fits: At least one, all of the same sources with the same loss.
+        judged: The same laws, fitted to curves on the common yardstick, in the same order.
 
     Raises:
         ValueError: They are not of the same measurements.
     """
+    _check(fits)
+    misfits, values = _on_curves(judged) if judged else _on_residuals(fits)
+    ratios = _ratios(fits, judged)
+    made = []
+    for fit, misfit, ratio in zip(fits, misfits, ratios, strict=True):
+        m = len(fit.free) + 1
+        aicc = misfit + 2 * m + 2 * m * (m + 1) / max(fit.count - m - 1, 1)
+        made.append(Ranked(fit, aicc, misfit + m * math.log(max(values, 1.0)), ratio))
+    # A fit that did not converge, or that another leaves far behind, has no criterion worth ranking by.
+    made.sort(key=lambda one: (not one.fit.converged, one.ratio > MOST_RATIO, one.aicc))
+    least, lowest = made[0].aicc, min(one.bic for one in made)
+    ranked = tuple(dataclasses.replace(one, aicc=one.aicc - least, bic=one.bic - lowest) for one in made)
+    return Comparison(ranked, *_judgement(ranked))
+
+
+def _check(fits: Sequence[Fit]) -> None:
     first = fits[0]
     for other in fits[1:]:
         alike = (other.loss, other.errors, other.rows.groups) == (first.loss, first.errors, first.rows.groups)
         if not alike or not np.allclose(other.rows.sizes, first.rows.sizes, rtol=1e-12):
             raise ValueError("only fits of the same measurements, with the same loss and errors, can be compared")
+
+
+def _on_curves(judged: Sequence[Fit]) -> tuple[list[float], float]:
+    """Misfit of each law in what remains of the closest one's, and how many values there are."""
+    sums = [CURVE_VALUES * sum(_means(fit).values()) for fit in judged]
+    values = CURVE_VALUES * len(judged[0].summaries)
+    worth = max(min(sums) / values, 1.0)
+    return [one / worth for one in sums], values
+
+
+def _means(fit: Fit) -> dict[str, float]:
+    """Mean over each curve of the loss of its squared residuals; the priors' share goes to the first."""
+    labels = np.array(fit.rows.groups)
+    squares = fit.residuals**2
+    losses = loss_of(fit.loss, squares, len(squares) - fit.count)[0]
+    means = {str(name): float(losses[: fit.count][labels == name].mean()) for name in dict.fromkeys(fit.rows.groups)}
+    means[fit.rows.groups[0]] += float(losses[fit.count :].sum()) / CURVE_VALUES
+    return means
+
+
+def _on_residuals(fits: Sequence[Fit]) -> tuple[list[float], float]:
+    """The same for fits whose residuals have errors of their own."""
     closest = min(fits, key=lambda fit: fit.deviance)
     worth = max(closest.dispersion * closest.count / closest.independent, 1e-300)
     if closest.loss != "linear":
         worth *= closest.influence[1]
-    made = []
-    for fit in fits:
-        m = len(fit.free) + 1
-        misfit = fit.deviance / worth
-        aicc = misfit + 2 * m + 2 * m * (m + 1) / max(closest.independent - m - 1, 1.0)
-        made.append(Ranked(fit, aicc, misfit + m * math.log(max(closest.independent, 1.0))))
-    # A fit that did not converge has no criterion worth ranking by.
-    made.sort(key=lambda one: (not one.fit.converged, one.aicc))
-    least, lowest = made[0].aicc, min(one.bic for one in made)
-    ranked = tuple(dataclasses.replace(one, aicc=one.aicc - least, bic=one.bic - lowest) for one in made)
-    return Comparison(ranked, *_judgement(ranked))
+    return [fit.deviance / worth for fit in fits], closest.independent
+
+
+def _ratios(fits: Sequence[Fit], judged: Sequence[Fit] | None) -> list[float]:
+    """Root mean square misfit of each law over that of the closest one, every curve or photograph counting the same."""
+    ruler = (judged or fits)[0]
+    labels, sizes = np.array(ruler.rows.groups), np.array(ruler.rows.sizes)
+    least = {
+        name: max(min(fit.summaries[name].rms for fit in fits), SAME * float(sizes[labels == name].mean()))
+        for name in fits[0].summaries
+    }
+    sums = [sum((fit.summaries[name].rms / least[name]) ** 2 for name in least) for fit in fits]
+    smallest = max(min(sums), len(least))
+    return [math.sqrt(max(one / smallest, 1.0)) for one in sums]
 
 
 def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:
@@ -78,11 +141,14 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:
     first = best.label
     if len(ranked) == 1:
         return best, f"{first} is the only law fitted, so nothing says whether another would do better"
-    rivals = [one.fit for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged]
+    rivals = [one for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged and one.ratio <= MOST_RATIO]
     if rivals:
-        simplest = min([best, *rivals], key=lambda fit: len(fit.free))
-        others = ", ".join(fit.label for fit in rivals)
+        simplest = min((ranked[0], *rivals), key=lambda one: len(one.fit.free)).fit
+        others = ", ".join(one.fit.label for one in rivals)
         return simplest, f"the data do not decide between {first} and {others}; take {simplest.label}, the simplest"
     second = ranked[1]
-    said = f"the data prefer {first}: the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells)"
-    return best, said
+    times = f"a misfit {second.ratio / ranked[0].ratio:.3g} times as large"
+    if second.aicc < UNDECIDED:
+        return best, f"the data prefer {first}: the next, {second.fit.label}, leaves {times}"
+    said = f"the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells) and leaves {times}"
+    return best, f"the data prefer {first}: {said}"

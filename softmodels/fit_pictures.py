@@ -159,6 +159,7 @@ td:first-child,th:first-child{{text-align:left}}img{{max-width:100%}}.w{{color:#
 def page(report: Report, images: dict[str, bytes]) -> str:
     """The report as one self-contained page."""
     parts = ["<h1>Fitted material</h1>", f"<p><b>{html.escape(report.verdict)}.</b></p>"]
+    parts.append(_list(report.apart.sentences, "w") if report.apart else "")
     parts.append(_list([*report.ranges, report.how]))
     if len(report.laws) > 1:
         rows = [

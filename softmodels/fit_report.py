@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from softmodels.law_stability import Verdict
 from softmodels.materials import Material, Ogden
 from softmodels.specimens import respond
 from softmodels.tensile import TensileCurve
+
+if TYPE_CHECKING:
+    from softmodels.contradiction import Apart
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -65,12 +68,14 @@ class Report:
         comparison: What the criterion says.
         curves: Measured curves within the fit's range.
         how: The weighting in words.
+        apart: Curves that contradict each other, with a fit of each alone; None where they go together.
     """
 
     laws: tuple[Fitted, ...]
     comparison: Comparison
     curves: tuple[TensileCurve, ...]
     how: str
+    apart: Apart | None = None
 
     @property
     def chosen(self) -> Fitted:
@@ -98,7 +103,12 @@ class Report:
         if self.chosen.fit is preferred:
             return self.comparison.sentence
         reason = "is not stable within the range" if preferred.converged else "did not converge"
-        return f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is taken"
+        ratio = {one.fit.label: one.ratio for one in self.comparison.ranked}
+        times = ratio[self.chosen.fit.label] / ratio[preferred.label]
+        return (
+            f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is taken, whose misfit "
+            f"is {times:.3g} times as large"
+        )
 
 
 def shown(value: float, unit: str, error: float = math.nan) -> tuple[str, str]:
@@ -192,6 +202,8 @@ def as_text(report: Report) -> str:
     if len(report.laws) > 1:
         lines += [f"  {one.fit.label:14s} AICc +{one.aicc:.4g}, BIC {one.bic:+.4g}" for one in report.comparison.ranked]
     lines.append(report.verdict)
+    if report.apart:
+        lines += ["", *report.apart.sentences]
     return "\n".join(lines)
 
 
@@ -210,6 +222,8 @@ def material_toml(one: Fitted, report: Report) -> str:
         "unseen": [*fit.unseen],
         "stability": [*one.verdict.notes],
     }
+    if report.apart:
+        about["apart"] = report.apart.sentences
     return tomli_w.dumps({"material": material_table.to_table(one.material), "fit": about})
 
 
@@ -220,7 +234,9 @@ def as_json(report: Report) -> str:
             "range": report.ranges,
             "how": report.how,
             "chosen": report.chosen.choice.name,
+            "preferred": report.comparison.preferred.label,
             "verdict": report.verdict,
+            "apart": report.apart.sentences if report.apart else [],
             "laws": [_law_json(one, report) for one in report.laws],
         },
         indent=1,
@@ -253,7 +269,7 @@ def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
         },
         "deviance": fit.deviance, "scatter": fit.scatter, "independent": fit.independent, "loss": fit.loss,
         "errors": fit.errors, "evaluations": fit.evaluations, "aicc": fit.aicc, "bic": fit.bic,
-        "aicc_behind": ranked.aicc, "bic_behind": ranked.bic,
+        "aicc_behind": ranked.aicc, "bic_behind": ranked.bic, "misfit_ratio": ranked.ratio,
         "converged": fit.converged, "warnings": list(one.warnings), "unseen": list(fit.unseen),
         "stability": list(one.verdict.notes),
     }  # fmt: skip

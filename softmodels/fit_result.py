@@ -235,7 +235,10 @@ class Fit:
     def error(self, name: str) -> float:
         """Standard error of a parameter in its unit; 0 if it is fixed, nan at a bound."""
         names = [p.name for p in self.free]
-        return math.sqrt(self.covariance[names.index(name)][names.index(name)]) if name in names else 0.0
+        if name not in names:
+            return 0.0
+        variance = self.covariance[names.index(name)][names.index(name)]
+        return math.inf if variance < 0.0 else math.sqrt(variance)  # below zero: nothing but rounding is left of it
 
     def interval(self, name: str) -> tuple[float, float]:
         """95 % interval of a parameter from the covariance, in its unit; nan at a bound (see `profile`)."""

@@ -12,6 +12,7 @@ from typing import Any
 from geometries import GeometryError, MeshingError
 from measurement.units import UnitError, quantity
 from softmodels.case import Case, CaseError
+from softmodels.contradiction import contradictions
 from softmodels.fit_comparison import compare
 from softmodels.fit_problem import FitError
 from softmodels.fit_report import Fitted, Report
@@ -82,6 +83,7 @@ def device_report(
     fitted: list[Fit] = []
     sources: dict[str, Any] = {}
     notes: list[str] = []
+    against = [pair.sentence for pair in contradictions(curves, options["gauge"])]
     strains: dict[str, float] = {}
     for choice in choices:
         device = _device(case, choice, comm)
@@ -115,8 +117,9 @@ def device_report(
     fittings = {
         one.choice.name: sources[one.choice.name].fittings(one.fit.values) for one in laws if outlines is not None
     }
+    how = _how(options, outlines is not None)
     return DeviceReport(
-        tuple(laws), comparison, tuple(curves), _how(options, outlines is not None), device_text, tuple(notes), fittings
+        tuple(laws), comparison, tuple(curves), how, device=device_text, notes=(*notes, *against), fittings=fittings
     )
 
 

@@ -29,6 +29,8 @@ TURN = 0.02
 """A curve turns back where its stretch falls by more than this share of the whole range."""
 BREAK = 0.5
 """A specimen is torn where the stress falls below this share of the largest."""
+ELONGATED, SLACK = 0.5, 0.3
+"""A strain column whose least value is above the first begins where no test does; a stretch column below the second."""
 PERCENT = 30.0
 """No silicone bears such a strain: a column that reaches it holds percent."""
 
@@ -65,6 +67,7 @@ class TensileCurve:
         stretch: Rising, shape (n,).
         stress: Nominal stress in Pa, shape (n,).
         remarks: Sentences on what was left out.
+        noise: Standard deviation in Pa of the readings that its points are averages of; None if they are readings themselves.
     """
 
     name: str
@@ -72,6 +75,7 @@ class TensileCurve:
     stretch: Array
     stress: Array
     remarks: tuple[str, ...] = ()
+    noise: float | None = None
 
     def within(self, low: float, high: float) -> TensileCurve:
         """The part between two stretches.
@@ -106,12 +110,14 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
     told = told_columns(columns) if columns else {}
     try:
         table = read_table(_text(path), told)
+        if not told:
+            _check_start(table.x, table.y, table.deformation, specimen or Specimen())
         stretch = _stretch(table.x, table.deformation, specimen or Specimen())
         stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
         mode = "equibiaxial" if kind == "balloon" else kind
         stretch, stress, remarks = _ramp(stretch, stress)
         curve = TensileCurve(path.name, mode, stretch, stress, tuple(remarks))
-        _check_rest(curve, table.deformation)
+        _check_rest(curve)
         _check_modulus(curve)
     except TensileError as error:
         raise TensileError(f"{path}: {error}") from None
@@ -158,6 +164,37 @@ def _stretch(x: Array, column: Column, specimen: Specimen) -> Array:
     if column.kind != "strain" and stretch.max() > PERCENT:
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
     return np.asarray(stretch, dtype=float)
+
+
+def _check_start(x: Array, y: Array, column: Column, specimen: Specimen) -> None:
+    """Refuse a column that does not begin where its header says that it should: a ramp begins at rest, or near it.
+
+    Whoever says with --columns what the columns are is believed.
+    """
+    values = in_si(x, column)
+    place, name = column.place + 1, column.header
+    if column.kind in ("strain", "true-strain") and ELONGATED <= values.min() < PERCENT:
+        shown = f"{x.min():.5g}" + (" %" if column.unit == "percent" else "")
+        unit = "[%]" if column.unit == "percent" else ""
+        raise TensileError(
+            f"the column {name!r} begins at {shown}, where a strain begins near 0: it seems to hold stretches; rename it to "
+            f"'stretch' or give --columns stretch={place}{unit},...; if the curve does begin at that strain, give "
+            f"--columns {column.kind}={place}{unit},..."
+        )
+    length = specimen.gauge_length
+    if column.kind == "extension" and length and values.min() >= ELONGATED * length:
+        raise TensileError(
+            f"the column {name!r} begins at {x.min():.5g} {column.unit}, where an extension begins near 0: it seems to hold "
+            f"the specimen's length; take the first length away from it, or give "
+            f"--columns extension={place}[{column.unit}],... if the curve does begin there"
+        )
+    at_rest = abs(y[np.argmin(values)]) < 0.05 * np.abs(y).max()
+    if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
+        raise TensileError(
+            f"the column {name!r} begins at {x.min():.5g} without stress, where a stretch begins near 1: it seems to hold "
+            f"strains; rename it to 'strain' or give --columns strain={place},...; if the specimen was pressed that far, give "
+            f"--columns stretch={place},..."
+        )
 
 
 def _nominal(y: Array, column: Column, stretch: Array, test: str, specimen: Specimen) -> Array:
@@ -209,8 +246,8 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str]]:
     return stretch, stress, remarks
 
 
-def _check_rest(curve: TensileCurve, column: Column) -> None:
-    """Refuse a stress at rest: a load cell that was not tared, or a strain that is a stretch."""
+def _check_rest(curve: TensileCurve) -> None:
+    """Refuse a stress at rest: a load cell that was not tared."""
     top = float(np.abs(curve.stress).max())
     if top == 0.0:
         raise TensileError("every stress is zero")
@@ -222,10 +259,6 @@ def _check_rest(curve: TensileCurve, column: Column) -> None:
             raise TensileError(
                 f"the stress at stretch 1 is {at_rest / 1e3:.4g} kPa, not zero; take the load cell's offset away first"
             )
-    if column.kind == "strain" and abs(curve.stretch[0] - 2) < 0.02 and abs(curve.stress[0]) < 0.01 * top:
-        raise TensileError(
-            f"the column {column.header!r} begins at 1 without stress: it holds stretches; see --columns"
-        )
 
 
 def strain_of(mode: str, stretch: Any) -> Array:

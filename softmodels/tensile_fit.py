@@ -24,6 +24,8 @@ RELATIVE = 0.02
 """Share of the stress that a test is off by if nobody says: cross-section, load cell, crosshead strain."""
 LEAST_ABSOLUTE = 0.003
 """Least absolute error, as a share of the largest stress: a load cell's resolution."""
+TELLS, RESOLVES = 0.01, 0.005
+"""What a tensile test can tell of a law: this share of the stress, and this share of the largest stress."""
 DENSE = 30
 """From this many points on, the noise of a curve can be told from its bend."""
 
@@ -75,8 +77,11 @@ class StressError:
 def noise(curve: TensileCurve) -> float:
     """Standard deviation in Pa of a dense curve's noise, from third differences, which a smooth bend leaves small.
 
-    The median makes jumps count little. 0 where the points are too few to tell noise from the bend.
+    The median makes jumps count little. 0 where the points are too few to tell noise from the bend. Averaged curves carry
+    that of their readings.
     """
+    if curve.noise is not None:
+        return curve.noise
     if len(curve.stress) < DENSE:
         return 0.0
     return float(np.median(np.abs(np.diff(curve.stress, 3)))) / 0.6745 / math.sqrt(20)
@@ -126,13 +131,23 @@ class TensileResiduals:
 
 
 def residuals_of(
-    curves: Sequence[TensileCurve], choice: LawChoice, error: StressError, gauge_error: float = 0.0
+    curves: Sequence[TensileCurve],
+    choice: LawChoice,
+    error: StressError,
+    gauge_error: float = 0.0,
+    level: bool = False,
 ) -> tuple[list[TensileResiduals], list[Parameter]]:
-    """Sources for curves, and the factors on their stress if these are uncertain by ``gauge_error`` (a share)."""
+    """Sources for curves, and the factors on their stress if these are uncertain by ``gauge_error`` (a share).
+
+    With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
+    curve must not silence a sparse one.
+    """
     sources, gauges = [], []
+    mean = sum(len(curve.stretch) for curve in curves) / max(len(curves), 1)
     for i, curve in enumerate(curves, 1):
         name = f"gauge{i}" if gauge_error else ""
-        sources.append(TensileResiduals(curve, choice, error.of(curve), name))
+        weight = math.sqrt(len(curve.stretch) / mean) if level and not error.stated else 1.0
+        sources.append(TensileResiduals(curve, choice, weight * error.of(curve), name))
         if name:
             gauges.append(Parameter(name, "", 1.0, 0.2, 5.0, Prior(1.0, gauge_error)))
     return sources, gauges
@@ -205,6 +220,23 @@ def fit_law(
     if not fits:
         raise FitError(f"{choice.name}: {trouble}")
     return min(fits, key=lambda one: (not one.converged, one.deviance))
+
+
+def on_yardstick(fitted: Fit, sources: Sequence[TensileResiduals]) -> Fit:
+    """A law fitted anew with what a tensile test can tell as its errors, whatever errors it was fitted with before.
+
+    Laws are compared by these fits, so that the choice of errors does not choose the law. Nor does the sampling: what one
+    reading cannot tell counts as not told, however many readings there are. Bounds, priors and fixed values stay.
+    """
+    even = [dataclasses.replace(s, errors=_told(s.curve)) for s in sources]
+    loss, label = fitted.loss, fitted.label
+    return fit(even, fitted.parameters, loss=loss, starts=[fitted.values], errors="stated", label=label)
+
+
+def _told(curve: TensileCurve) -> Array:
+    """What a test can tell in Pa at each point of a curve, shape (n,)."""
+    least = max(RESOLVES * float(np.abs(curve.stress).max()), noise(curve))
+    return np.hypot(TELLS * curve.stress, least)
 
 
 def spread(fit: Fit) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import click
 from geometries.options import QuantityType
 from measurement.units import UnitError, brief, number
 from softmodels.tensile import SYNONYMS, Specimen, TensileCurve, TensileError, read_curve, small_modulus
+from softmodels.thinning import thinned
 
 APART = 100.0
 """Curves of one material whose first moduli differ by more than this cannot have the same unit."""
@@ -32,7 +34,7 @@ def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
-    """The curves of ``--tensile``, within ``--stretch``.
+    """The curves of ``--tensile``, within ``--stretch``, dense ones averaged (see `thinned`).
 
     Raises:
         TensileError: A curve cannot be used, or they do not go together.
@@ -47,6 +49,10 @@ def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
         if not name or (test.lower() not in SYNONYMS and Path(text).exists()):
             name, test = text, "uniaxial"
         curves.append(read_curve(Path(name), test, options["columns"], specimen))
+    names = [curve.name for curve in curves]
+    if len(set(names)) < len(names):  # files of one name in different folders
+        texts = [text if names.count(name) > 1 else name for text, name in zip(options["tensile"], names, strict=True)]
+        curves = [dataclasses.replace(curve, name=text) for curve, text in zip(curves, texts, strict=True)]
     moduli = [small_modulus(curve) for curve in curves]
     if max(moduli) > APART * min(moduli):
         low, high = (curves[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
@@ -57,7 +63,7 @@ def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
     if options.get("stretch"):
         low_end, high_end = stretch_range(options["stretch"])
         curves = [curve.within(low_end, high_end) for curve in curves]
-    return curves
+    return [thinned(curve) for curve in curves]
 
 
 def stretch_range(text: str) -> tuple[float, float]:

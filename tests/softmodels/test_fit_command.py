@@ -183,6 +183,52 @@ def test_an_unsound_law_is_not_called_good(says, tmp_path, folder):
     assert "not stable" in tomllib.loads((tmp_path / "fitted.toml").read_text())["fit"]["warnings"][0]
 
 
+def written(path, stretch, stress, header="stretch,stress (Pa)"):
+    path.write_text(header + "\n" + "".join(f"{a:.9g},{b:.9g}\n" for a, b in zip(stretch, stress, strict=True)))
+
+
+def test_a_raw_strip_is_thinned_and_the_law_that_follows_it_is_taken(says, tmp_path):
+    """37,512 readings of a pull that no law follows exactly: the few runs of the residuals must not choose the poorest law."""
+    stretch = np.linspace(1.02, 3.0, 37512)
+    stress = respond(Yeoh(7.9e3, 150.0, 0.0, 0.5), stretch).stress * (1 + 0.4 * np.exp(-3 * (stretch - 1)))
+    written(tmp_path / "raw.csv", stretch, stress + np.random.default_rng(3).normal(0.0, 100.0, stretch.size))
+    words = ["--tensile", str(tmp_path / "raw.csv"), "--material", "neo-hookean,yeoh", "--no-profiles", "--no-pictures"]
+    status, said, progress = says("fit", *words, "-o", str(tmp_path))
+    assert status == 0 and "37512 readings averaged over" in said
+    assert "fitting neo-hookean, law 1 of 2" in progress
+    assert isinstance(material_from(str(tmp_path / "fitted.toml"), {}), Yeoh)
+    told = json.loads((tmp_path / "fit.json").read_text())
+    misfit = {law["law"]: law["residuals"]["raw.csv (uniaxial)"]["rms"] for law in told["laws"]}
+    assert told["preferred"] == "yeoh" and misfit["neo-hookean"] > 2.5 * misfit["yeoh"]
+
+
+def test_two_laboratories_are_told_apart(says, tmp_path):
+    """Two curves a factor 1.75 apart, one of 300 readings and one of 12: both are named, each with a fit and a file."""
+    for name, factor, count in (("savoie.csv", 1.0, 300), ("swansea.csv", 1.75, 12)):
+        stretch = np.linspace(1.02, 3.0, count)
+        written(tmp_path / name, stretch, factor * respond(LAW, stretch).stress)
+    words = [word for name in ("savoie.csv", "swansea.csv") for word in ("--tensile", str(tmp_path / name))]
+    status, said, complaint = says("fit", *words, "--no-profiles", "--no-pictures", "-o", str(tmp_path))
+    assert status == 0
+    for text in (said, complaint):
+        assert "savoie.csv and swansea.csv contradict each other" in text and "1.75 times" in text
+    assert "spread: shear modulus 16 kPa to 28 kPa" in said
+    for file, factor in (("fitted-curve1.toml", 1.0), ("fitted-curve2.toml", 1.75)):
+        assert material_from(str(tmp_path / file), {}).c1 == pytest.approx(factor * LAW.c1, rel=1e-3)
+    # The long curve does not silence the short one: the joint fit lies between.
+    assert 1.15 * LAW.c1 < material_from(str(tmp_path / "fitted.toml"), {}).c1 < 1.6 * LAW.c1
+    assert any("contradict" in text for text in json.loads((tmp_path / "fit.json").read_text())["apart"])
+
+
+def test_curves_of_one_name_stay_two(says, tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        written(tmp_path / name / "pull.csv", L, respond(LAW, L).stress)
+    words = [word for name in ("a", "b") for word in ("--tensile", str(tmp_path / name / "pull.csv"))]
+    status, said, _ = says("fit", *words, "--no-profiles", "--no-pictures", "-o", str(tmp_path))
+    assert status == 0 and "a/pull.csv (uniaxial)" in said and "b/pull.csv (uniaxial)" in said
+
+
 def test_curve(says, tmp_path):
     words = ["--material", "ecoflex-00-30", "--material", "ogden:mu=20kPa,-1kPa,alpha=2,-2,poisson=0.5"]
     words += ["--material", "yeoh:c1=8kPa,c2=-200Pa", "--tensile", "uniaxial.csv", "--stretch", "0.5:4"]

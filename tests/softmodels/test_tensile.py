@@ -163,7 +163,32 @@ REFUSED = {
     "MPa called kPa": (table(["stretch", "stress (kPa)"], L, S / 1e6), {}, "0.02 kPa.*factor 1000"),
     "percent unsaid": (table(["strain", "stress (kPa)"], 100 * (L - 1), S / 1e3), {}, "if it holds percent"),
     "strain called stretch": (table(["stretch", "stress (kPa)"], L - 1, S / 1e3), {}, "begins at 0 holds strains"),
-    "stretch called strain": (table(["strain", "stress (kPa)"], L, S / 1e3), {}, "it holds stretches"),
+    "stretch called strain, from a first reading": (
+        table(["strain", "stress (kPa)"], L[1:] - 0.0996, S[1:] / 1e3),
+        {},
+        "begins at 1.0004.*--columns stretch=1",
+    ),
+    "stretch in percent called strain": (
+        table(["strain (%)", "stress (kPa)"], 100 * L + 0.04, S / 1e3),
+        {},
+        "begins at 100.04 %.*--columns stretch=1",
+    ),
+    "true strain that is a stretch": (
+        table(["true strain", "stress (kPa)"], L, S / 1e3),
+        {},
+        "seems to hold stretches",
+    ),
+    "strain called stretch, from a first reading": (
+        table(["stretch", "stress (kPa)"], L - 0.9996, S / 1e3),
+        {},
+        "seems to hold strains.*--columns strain=1",
+    ),
+    "length called extension": (
+        table(["extension (mm)", "force (N)"], 33 * L, S * 1e-5),
+        {"specimen": Specimen(cross_section=1e-5, gauge_length=0.033)},
+        "seems to hold the specimen's length",
+    ),
+    "stretch called strain": (table(["strain", "stress (kPa)"], L, S / 1e3), {}, "seems to hold stretches"),
     "not tared": (table(["stretch", "stress (kPa)"], L, S / 1e3 + 20), {}, "stress at stretch 1 is 20 kPa"),
     "falling": (table(["stretch", "stress (kPa)"], L, -S / 1e3), {}, "falls as the specimen is pulled"),
     "zero": (table(["stretch", "stress (kPa)"], L, 0 * S), {}, "every stress is zero"),
@@ -225,3 +250,11 @@ def test_noise_is_told_from_the_bend(write):
 def test_impossible_specimens(name):
     with pytest.raises(TensileError, match="above zero"):
         Specimen(**{name: -1.0})
+
+
+def test_who_says_what_a_column_holds_is_believed(write):
+    """A strain that does begin at 100 % is refused by its header alone, and read as strain where --columns says so."""
+    path = write(table(["strain", "stress (kPa)"], L + 0.0004, 20 + S / 1e3))
+    with pytest.raises(TensileError, match="if the curve does begin at that strain, give --columns strain=1"):
+        read_curve(path)
+    assert read_curve(path, columns="strain=1,stress=2[kPa]").stretch[0] == pytest.approx(2.0004)
