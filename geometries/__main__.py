@@ -16,7 +16,7 @@ with stoppable("geometries"):
     from geometries.actuator import Actuator
     from geometries.errors import GeometryError, MeshingError
     from geometries.meshing import summarize
-    from geometries.options import device_from, device_options
+    from geometries.options import device_options, device_told
     from measurement.running import run_command
 
 
@@ -58,7 +58,7 @@ def _command(name: str, device: type[Actuator]) -> click.Command:
 
 def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -> None:
     try:
-        actuator = device_from(device, values)
+        actuator = device_told(device, values)
         path = actuator.write(output if output is not None else Path(f"{actuator.name}.msh"))
         mesh = summarize(path)
     except GeometryError as error:

@@ -57,8 +57,12 @@ class HollowDisk(Actuator):
     refinement: float = number_field(2.0, "how many times smaller the cells at the membrane's root are")
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
     section: str = choice_field("wedge", ("wedge", "axisymmetric"), "solid slice, or profile in radius and height")
-    angle: float = angle_field(45.0, "angle of the wedge; divides 360 deg evenly (180 half, 360 full disk)")
-    azimuth: float = angle_field(0.0, "where the wedge begins, counted from the x axis")
+    angle: float = angle_field(
+        45.0, "angle of the wedge; divides 360 deg evenly (180 half, 360 full disk)", unless=("section", "axisymmetric")
+    )
+    azimuth: float = angle_field(
+        0.0, "where the wedge begins, counted from the x axis", unless=("section", "axisymmetric")
+    )
     support: str = choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
 
     stem: ClassVar = "disk"

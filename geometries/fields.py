@@ -30,9 +30,15 @@ def length_field(default: float, text: str, *, zero: bool = False, signed: bool 
     return dataclasses.field(default=default, metadata={"unit": "m", "help": text, "zero": zero, "signed": signed})
 
 
-def angle_field(default: float, text: str) -> Any:
-    """Return a dataclass field for an angle in degrees."""
-    return dataclasses.field(default=default, metadata={"unit": "degree", "help": text})
+def angle_field(default: float, text: str, *, unless: tuple[str, str] | None = None) -> Any:
+    """Return a dataclass field for an angle in degrees.
+
+    Args:
+        default: Its value if not given.
+        text: What it is.
+        unless: Name and value of another field with which it means nothing.
+    """
+    return dataclasses.field(default=default, metadata={"unit": "degree", "help": text, "unless": unless})
 
 
 def number_field(default: float, text: str) -> Any:

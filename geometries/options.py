@@ -10,11 +10,12 @@ from typing import Any, TypeVar
 import click
 
 from geometries.actuator import Actuator
+from geometries.errors import GeometryError
 from geometries.fields import shown
 from geometries.table import device_from, from_table, to_table
 from measurement.units import UnitError, quantity
 
-__all__ = ["QuantityType", "device_from", "device_options", "from_table", "to_table"]
+__all__ = ["QuantityType", "check_meaning", "device_from", "device_options", "device_told", "from_table", "to_table"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -56,6 +57,35 @@ def device_options(device: type[Actuator]) -> Callable[[Command], Command]:
         return command
 
     return decorate
+
+
+def device_told(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
+    """The device of a command's options; see `device_from`.
+
+    Raises:
+        GeometryError: As there, and for an option that means nothing with the others.
+    """
+    made = device_from(device, values)
+    check_meaning(made, values)
+    return made
+
+
+def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
+    """Refuse options that were given although the device has no use for them.
+
+    Args:
+        made: The device.
+        values: Options by field name; None where not given.
+
+    Raises:
+        GeometryError: The first of them.
+    """
+    for field in dataclasses.fields(made):
+        other = field.metadata.get("unless")
+        if other and values.get(field.name) is not None and getattr(made, other[0]) == other[1]:
+            raise GeometryError(
+                f"--{field.name.replace('_', '-')} means nothing with --{other[0]} {other[1]}; leave one of them out"
+            )
 
 
 def _option(field: dataclasses.Field[Any]) -> Callable[[Command], Command]:

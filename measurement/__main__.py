@@ -38,8 +38,8 @@ class Lazy(click.Group):
 def main() -> None:
     """Measure shadow photographs of soft actuators.
 
-    Lengths and pressures are written with their unit, such as 9mm or 20kPa. Exit status: 0 done, 1 something could not
-    be measured, 2 the input cannot be used.
+    Lengths and pressures are written with their unit, such as 9mm or 20kPa. Exit status: 0 done, 1 nothing could be
+    measured, 2 the input cannot be used, 3 some photographs were refused, 130 stopped.
 
     \b
     Examples:

@@ -12,9 +12,11 @@ import click
 
 from measurement.column import DENSITY_ERROR, READING_ERROR, Column, ColumnError
 from measurement.outline import Outline
+from measurement.output_place import status_of, trouble
 from measurement.photo import Refusal
 from measurement.photo_list import Photograph, PhotoListError, read_photos
 from measurement.pixels import TONES, Unmeasurable, read_photograph
+from measurement.reasons import reason
 from measurement.series import NoZero, Result, measure_all, zero_line
 from measurement.setup import Setup, SetupError
 from measurement.tracing import AUTO
@@ -63,6 +65,8 @@ def photos(
         setup = Setup.from_file(setup_file)
     except (ColumnError, PhotoListError, SetupError, UnitError) as error:
         _stop(str(error), UNUSABLE)
+    if why := trouble(output):
+        _stop(f"the folder {output} cannot be written: {why}", UNUSABLE)
     sys.exit(_run(listed, setup, output, jobs or _cores(), tone, not no_pictures, quiet))
 
 
@@ -79,7 +83,7 @@ def _run(listed: list[Photograph], setup: Setup, output: Path, jobs: int, tone: 
         if draw:
             _draw(output, results, setup, tone)
     except OSError as error:
-        _stop(f"the results cannot be written: {error}", UNUSABLE)
+        _stop(f"the results cannot be written: {reason(error)}", status_of(error))
     refused = [result for result in results if isinstance(result.outcome, Refusal)]
     if not quiet:
         for result in results:
@@ -163,7 +167,7 @@ def demo(output: Path, jobs: int | None, quiet: bool) -> None:
     try:
         make_photographs(output / "photographs")
     except OSError as error:
-        _stop(f"the photographs cannot be written: {error}", UNUSABLE)
+        _stop(f"the photographs cannot be written into {output}: {reason(error)}", status_of(error))
     folder = output / "photographs"
     words = [
         [

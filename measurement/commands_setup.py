@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import re
@@ -20,6 +21,7 @@ from measurement.camera import Camera, CameraError, frame_points
 from measurement.grid import GridError, GridPoints, counted_from, find_grid
 from measurement.known_points import plane_of_points, plane_of_scale
 from measurement.lens import Exif, lens_profile, read_exif
+from measurement.output_place import status_of, trouble
 from measurement.overlay import draw_points, read_picture
 from measurement.plane import Plane, PlaneError
 from measurement.reasons import reason
@@ -27,8 +29,8 @@ from measurement.setup import Setup, SetupError, magnification
 from measurement.toml_file import TomlError, read_toml
 from measurement.units import UnitError, brief, number, quantity
 
-UNUSABLE, UNMEASURED = 2, 1
-"""Exit statuses: the input cannot be used; it can, but nothing could be measured in it."""
+UNUSABLE, UNMEASURED, SOME_REFUSED = 2, 1, 3
+"""Exit statuses: the input cannot be used; it can, but nothing could be measured in it; some photographs are left out."""
 
 LARGEST = 0.5
 """Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
@@ -48,9 +50,12 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     """Calibrate the camera from PHOTOGRAPHS of a flat chessboard.
 
     Take ten or so with the focus and zoom of the measurement, the board tilted each time another way, and see to it that
-    together they fill the picture up to its corners. Photographs without the board are left out and named; exit status 1
-    says that there were some.
+    together they fill the picture up to its corners. Photographs without the board are left out and named.
+
+    \b
+    Exit status: 0 done; 3 some photographs refused; 2 the input cannot be used; 1 nothing measured.
     """
+    _check_place(output)
     try:
         made = calibrated(photographs, _pattern(pattern), _length(pitch))
     except (UnitError, SetupError) as error:
@@ -80,7 +85,7 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
             "would tell the lens beyond",
             err=True,
         )
-    sys.exit(UNMEASURED if made.refused else 0)
+    sys.exit(SOME_REFUSED if made.refused else 0)
 
 
 @click.command()
@@ -116,8 +121,15 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
     """Find the screen's plane in a PHOTOGRAPH of its grid, of a board, or of known points.
 
     Pixels (x, y) count from the upper left; on the screen X counts to the right and Z upwards.
+
+    \b
+    Exit status: 0 done; 2 the input cannot be used, as where no grid is found; 1 failed.
     """
+    shown = overlay if overlay is not None else output.with_suffix(".png")
+    for place in (output, shown):
+        _check_place(place)
     try:
+        _check_given(given)
         picture = read_picture(photograph)
         height, width = picture.shape[:2]
         pitch = _length(given["grid_pitch"])
@@ -138,14 +150,45 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
         _stop(f"{photograph}: {error}", UNUSABLE)
     except (CameraError, PlaneError, SetupError, UnitError) as error:
         _stop(str(error), UNUSABLE)
-    shown = overlay if overlay is not None else output.with_suffix(".png")
     try:
         draw_points(shown, picture, camera, plane)
     except (OSError, ValueError) as error:
-        _stop(f"the picture of the plane {shown} cannot be written: {error}", UNUSABLE)
+        status = status_of(error) if isinstance(error, OSError) else UNUSABLE
+        _stop(f"the picture of the plane {shown} cannot be written: {reason(error)}", status)
     _write(output, made.to_toml())
     kind = "known points" if given["points"] else "crossings" if given["target"] == "grid" else "corners"
     _report(made, None if given["scale"] else kind, f"written to {output} and {shown}")
+
+
+def _check_place(path: Path) -> None:
+    """Stop before the work begins if a file cannot be written there."""
+    if why := trouble(path.parent):
+        _stop(f"{path} cannot be written: {why}", UNUSABLE)
+
+
+def _check_given(given: dict[str, Any]) -> None:
+    """Refuse options that something else given makes meaningless.
+
+    Raises:
+        SetupError: The first of them.
+    """
+    source = click.get_current_context().get_parameter_source
+    told = {name for name in given if source(name) is click.core.ParameterSource.COMMANDLINE}
+    board = ("pattern", "dictionary", "marker_share")
+    target, lens = given["target"], given["lens"]
+    meaningless: list[tuple[str, tuple[str, ...]]] = []
+    if given["points"] or given["scale"] is not None:
+        way = "--point" if given["points"] else "--scale"
+        meaningless.append((way, ("target", "grid_pitch", *board, *(("origin",) if given["points"] else ()))))
+    elif target != "charuco":
+        meaningless.append((f"--target {target}", board if target == "grid" else ("dictionary", "marker_share")))
+    if lens == "none" or lens.endswith(".toml"):
+        meaningless.append((f"--lens {lens}", ("body", "focal")))
+    for cause, names in meaningless:
+        for name in names:
+            if name in told:
+                flag = {"body": "camera"}.get(name, name.replace("_", "-"))
+                raise SetupError(f"--{flag} says nothing beside {cause}; leave one of them out")
 
 
 def _plane(
@@ -293,8 +336,9 @@ def _write(path: Path, text: str) -> None:
         whole.write_text(text, encoding="utf-8")
         whole.replace(path)
     except OSError as error:
-        whole.unlink(missing_ok=True)
-        _stop(f"{path} cannot be written: {reason(error)}", UNUSABLE)
+        with contextlib.suppress(OSError):
+            whole.unlink(missing_ok=True)
+        _stop(f"{path} cannot be written: {reason(error)}", status_of(error))
 
 
 def _stop(sentence: str, status: int) -> NoReturn:

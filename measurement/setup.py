@@ -184,12 +184,12 @@ class Setup:
         return cls(
             camera=Camera.from_table(table["camera"]),
             plane=_plane(table["plane"]),
-            magnification=number(table.get("magnification", 1.0)),
-            magnification_error=number(table.get("magnification_error", 0.0)),
+            magnification=_float(table.get("magnification", 1.0)),
+            magnification_error=_float(table.get("magnification_error", 0.0)),
             zero=None if table.get("zero") is None else numbers(table["zero"]),
-            roi=None if roi is None else (number(roi[0]), number(roi[1]), number(roi[2]), number(roi[3])),
-            grid_pitch=None if table.get("grid_pitch") is None else number(table["grid_pitch"]),
-            shadow_colour=None if colour is None else (number(colour[0]), number(colour[1]), number(colour[2])),
+            roi=None if roi is None else (_float(roi[0]), _float(roi[1]), _float(roi[2]), _float(roi[3])),
+            grid_pitch=None if table.get("grid_pitch") is None else _float(table["grid_pitch"]),
+            shadow_colour=None if colour is None else (_float(colour[0]), _float(colour[1]), _float(colour[2])),
         )
 
     @classmethod
@@ -202,15 +202,20 @@ class Setup:
         try:
             return cls._from_toml(read_toml(Path(path)))
         except TomlError as error:
-            raise SetupError(f"the setup {path} {error}") from None
+            raise SetupError(f"{path} {error}") from None
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
+
+
+def _float(value: Any) -> float:
+    """A number of any kind; whether it is finite is asked by its name."""
+    return value if isinstance(value, float) else number(value)
 
 
 def _plane(table: Mapping[str, Any]) -> Plane:
     shapes = {"homography": (3, 3), "covariance": (9, 9), "points": (-1, 2), "targets": (-1, 2)}
     arrays = {name: numbers(table[name]).reshape(shape) for name, shape in shapes.items()}
-    residual = number(table["residual"])
+    residual = _float(table["residual"])
     if not (all(np.isfinite(array).all() for array in arrays.values()) and math.isfinite(residual)):
         raise SetupError("the setup's plane holds numbers that are not finite")
     if abs(np.linalg.det(arrays["homography"] / np.abs(arrays["homography"]).max())) == 0.0:

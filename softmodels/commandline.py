@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from geometries import Actuator, GeometryError
-from geometries.options import QuantityType, device_from, device_options
+from geometries.options import QuantityType, device_options, device_told
 from measurement.ending import STOPPED, stoppable, written
 from measurement.units import WATER_DENSITY
 from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, sheet_from
@@ -55,7 +55,9 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
     command = click.option("--resume", is_flag=True, help="Go on from where an interrupted run stopped.")(command)
     text = "Folder for the results; an earlier run's are replaced."
-    return click.option("--output", type=click.Path(path_type=Path), help=f"{text}  [default: results/NAME]")(command)
+    return click.option("-o", "--output", type=click.Path(path_type=Path), help=f"{text}  [default: results/NAME]")(
+        command
+    )
 
 
 def device_command(
@@ -78,7 +80,7 @@ def device_command(
 
     def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
                 sheet: str | None, sheet_stiffness: str | None, contact: str | None, contact_plane: str | None,
-                contact_stiffness: float,
+                contact_stiffness: float | None,
                 output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...],
                 **values: Any) -> None:  # fmt: skip
         def case() -> Case:
@@ -87,14 +89,14 @@ def device_command(
             named = values.pop("material")
             material = material_from(default if named is None else named, law)
             return Case(
-                name=name, actuator=device_from(device, values), material=material,
+                name=name, actuator=device_told(device, values), material=material,
                 pressures_cm=series(pressure_cm, "pressure") if pressure_cm is not None else (),
                 volumes_ml=series(volume_ml, "volume") if volume_ml is not None else (),
                 water_density=water_density, control=control, formulation=formulation,
                 sheet=sheet_from(sheet, sheet_stiffness) if (sheet, sheet_stiffness) != (None, None) else None,
                 strokes_ml=series(stroke_ml, "stroke") if stroke_ml is not None else (), supply=supply,
                 cycle=cycle,
-                obstacle=Obstacle(contact or "", contact_plane or "", contact_stiffness) if contact or contact_plane else None,
+                obstacle=obstacle_from(contact, contact_plane, contact_stiffness),
             )  # fmt: skip
 
         execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc, branch)
@@ -107,8 +109,8 @@ def device_command(
                         help="Displacement and pressure, or displacement alone (compressible studies).")(made)  # fmt: skip
     made = click.option("--control", type=click.Choice(CONTROLS), default="auto", show_default=True,
                         help="What the path follows.")(made)  # fmt: skip
-    made = click.option("--contact-stiffness", type=QuantityType(""), default=STIFFNESS, show_default=True,
-                        help="Shear moduli of contact pressure per sinking in by one size of the device.")(made)  # fmt: skip
+    made = click.option("--contact-stiffness", type=QuantityType(""), help="Shear moduli of contact pressure per "
+                        f"sinking in by one size of the device.  [default: {STIFFNESS:g}]")(made)  # fmt: skip
     made = click.option("--contact-plane", metavar="PLANE", help="The rigid plane: 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm'"
                         ", or a cut plane's name for walls that meet their mirror image.")(made)  # fmt: skip
     made = click.option("--contact", metavar="FACES", help="Faces that a rigid plane without friction stops, such as top; its "
@@ -135,6 +137,17 @@ def device_command(
     return click.command(name=module, context_settings={"help_option_names": ["-h", "--help"]})(made)
 
 
+def obstacle_from(faces: str | None, plane: str | None, stiffness: float | None) -> Obstacle | None:
+    """The obstacle of a command's options; None if none is given.
+
+    Raises:
+        ObstacleError: One of them without the others.
+    """
+    if faces is None and plane is None and stiffness is None:
+        return None
+    return Obstacle(faces or "", plane or "", STIFFNESS if stiffness is None else stiffness)
+
+
 def execute(
     case: Callable[[], Case],
     folder: Callable[[], Path],
@@ -148,6 +161,12 @@ def execute(
     try:
         ready = case()
         _check_words(petsc)
+        if branch and ready.program:
+            raise CaseError("--branch does not follow a series for each cavity; leave one of them out")
+        if branch and ready.cycle:
+            raise CaseError(
+                "--branch leaves the path where it bifurcates and --cycle jumps there; leave one of them out"
+            )
     except (CaseError, GeometryError, MaterialError, ObstacleError, SeriesError, SupplyError) as error:
         fail(str(error))
     with stoppable("softmodels", speaks):

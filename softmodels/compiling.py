@@ -49,7 +49,7 @@ def _age(source: Path) -> float | None:
         if age < LONGEST:
             return age
         source.unlink()
-    except FileNotFoundError:  # finished, or taken away by another run
+    except OSError:  # finished, taken away by another run, or not ours to take away
         pass
     return None
 
@@ -69,6 +69,12 @@ def compiling() -> Iterator[None]:
     except TimeoutError as error:
         raise CompilingError(
             "another run has been compiling the same equations for long; wait for it, then run again"
+        ) from error
+    except OSError as error:
+        folder = cache()
+        raise CompilingError(
+            f"the cache of compiled equations, {folder}, cannot be used ({error.strerror or error}); make room in it and see "
+            "that it can be written, or name another place with the environment variable XDG_CACHE_HOME"
         ) from error
     except Exception as error:
         # cffi's error on one rank; on several, DOLFINx passes on its text.

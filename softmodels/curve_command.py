@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.options import QuantityType
+from measurement.output_place import status_of, trouble
 from measurement.units import exact_text
 from softmodels.commandline import fail
 from softmodels.fit_report import shown
@@ -22,7 +23,7 @@ from softmodels.materials import Material, MaterialError
 from softmodels.parallel import speaks
 from softmodels.specimens import MODE_NAMES, Response, respond
 from softmodels.tensile import TensileError, strain_of
-from softmodels.tensile_options import read_curves, specimen_options, stretch_range, tensile_option
+from softmodels.tensile_options import check_curves_given, read_curves, specimen_options, stretch_range, tensile_option
 
 Array = npt.NDArray[np.float64]
 POINTS = 201
@@ -99,6 +100,9 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
         if not names:
             raise MaterialError("nothing to show; give a material with --material NAME")
         materials = [read_material(text, incompressible) for text in names]
+        check_curves_given({name: value for name, value in options.items() if name not in ("radius", "thickness")})
+        if why := trouble(output):
+            raise TensileError(f"the folder {output} cannot be written ({why})")
         measured = read_curves(options) if options["tensile"] else []
         if min(options["radius"], options["thickness"]) <= 0.0 or options["thickness"] > options["radius"]:
             raise TensileError(
@@ -119,7 +123,7 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
 
             (output / "curves.png").write_bytes(draw(many, measured, options["radius"], options["thickness"]))
     except OSError as error:
-        fail(f"the results cannot be written: {error}")
+        fail(f"the results cannot be written ({error.strerror or error})", status_of(error))
     if not quiet:
         for one in many:
             click.echo(as_text(one, ratio))

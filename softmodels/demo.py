@@ -18,6 +18,7 @@ import numpy.typing as npt
 from geometries import HollowDisk
 from geometries.apart import interpreter
 from measurement.demo import FLOOR, SCENE
+from measurement.output_place import status_of, trouble
 from measurement.synthetic import Scene, photograph, save
 from measurement.units import pascal_per_cm
 from softmodels import material_table
@@ -165,6 +166,8 @@ def demo(output: Path, megapixels: float) -> None:
     from softmodels.commandline import fail
     from softmodels.parallel import start
 
+    if why := trouble(output):
+        fail(f"the folder {output} cannot be written ({why})")
     comm = start()
     if comm.size > 1:
         fail("the demonstration runs on one process")
@@ -176,7 +179,7 @@ def demo(output: Path, megapixels: float) -> None:
         _, halves = inflated(TRUTH, comm)
         take_photographs(output / "photographs", TRUTH, halves, scene_of(megapixels), click.echo)
     except OSError as error:
-        fail(f"the demonstration cannot be written: {error}")
+        fail(f"the demonstration cannot be written ({error.strerror or error})", status_of(error))
     for module, words in commands(output, TRUTH):
         click.echo(f"$ python -m {module} {' '.join(words)}")
         status = subprocess.run([*interpreter(), "-m", module, *words], check=False).returncode

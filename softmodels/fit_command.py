@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from geometries.options import QuantityType
+from measurement.output_place import status_of, trouble
 from measurement.units import UnitError, quantity
 from softmodels.commandline import fail
 from softmodels.contradiction import fitted_alone, own_file, told_apart
@@ -25,7 +26,7 @@ from softmodels.parallel import speaks
 from softmodels.progress import Progress
 from softmodels.tensile import TensileCurve, TensileError
 from softmodels.tensile_fit import StressError, fit_law, largest_strain, on_yardstick, residuals_of, spread
-from softmodels.tensile_options import read_curves, specimen_options, tensile_option
+from softmodels.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
@@ -94,7 +95,7 @@ def fit_material(**options: Any) -> None:
         try:
             write(report, options["output"], not options["no_pictures"])
         except OSError as error:
-            fail(f"the results cannot be written: {error}")
+            fail(f"the results cannot be written ({error.strerror or error})", status_of(error))
         if not options["quiet"]:
             click.echo(as_text(report))
         if report.apart:
@@ -110,6 +111,9 @@ def _report(options: dict[str, Any]) -> Report:
     device = bool(options["files"])
     if not device and (options["heights"] or options["free"] or options["untrusted"]):
         raise FitError("--heights, --free and --untrusted are about a device; give its case file first")
+    check_curves_given(options if device else {**options, "tensile": True})
+    if why := trouble(options["output"]):
+        raise FitError(f"the folder {options['output']} cannot be written ({why})")
     curves = read_curves(options) if options["tensile"] or not device else []
     choices = law_choices(options["laws"], options["poisson"])
     error = StressError.from_text(options["stress_error"])
@@ -131,6 +135,7 @@ def _curve_report(
     gauge: float,
 ) -> Report:
     """Fit every law to all curves together, and to each alone where they contradict each other."""
+    _check_names(choices, options)
     changes = [changes_for(choice, options, alone=len(choices) == 1) for choice in choices]
     errors = "stated" if error.stated else "unknown"
     progress = Progress(len(choices), "laws", "", options["quiet"] or not speaks())
@@ -206,6 +211,15 @@ def law_choices(text: str, poisson: float) -> list[LawChoice]:
     if len({choice.name for choice in choices}) < len(choices):
         raise FitError(f"a law is named twice in {text!r}")
     return choices
+
+
+def _check_names(choices: list[LawChoice], options: dict[str, Any]) -> None:
+    """Refuse a parameter that none of the laws has."""
+    known = dict.fromkeys(name for choice in choices for name in choice.names)
+    for text in (*options["fixes"], *options["bounds"], *options["priors"]):
+        name = text.partition("=")[0]
+        if name not in known and not name.startswith("gauge"):
+            raise FitError(f"{', '.join(c.name for c in choices)}: no parameter {name!r}; there is {', '.join(known)}")
 
 
 def changes_for(choice: LawChoice, options: dict[str, Any], alone: bool) -> dict[str, dict[str, Any]]:

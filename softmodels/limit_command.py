@@ -6,7 +6,7 @@ import csv
 import dataclasses
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +15,28 @@ import numpy as np
 
 from geometries import Actuator, GeometryError, HollowDisk, MeshingError
 from geometries.fields import shown
-from geometries.options import QuantityType, device_from, device_options
-from measurement.units import WATER_DENSITY, pascal_per_cm
+from geometries.options import QuantityType, check_meaning, device_options, device_told
+from measurement.output_place import status_of, trouble
+from measurement.units import WATER_DENSITY
+from softmodels.body import BodyError
 from softmodels.case import Case, CaseError
 from softmodels.commandline import fail
+from softmodels.compiling import CompilingError
 from softmodels.limits import LARGEST_STRETCH, Limit, Tolerance, find_limit, samples, scatter
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import Material, MaterialError
 from softmodels.obstacle import ObstacleError
+from softmodels.outcomes import FAILED
 from softmodels.parallel import abort_on_error, is_root, start
 from softmodels.results import write_text
 from softmodels.stability_report import unseen
 
+SAMPLES = 32
 PERCENTILES = (5, 25, 50, 75, 95)
 
 
-def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], count: int, normal: bool,
-          water_density: float, output: Path | None, material: tuple[str, ...], **values: Any) -> None:  # fmt: skip
+def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], count: int | None, normal: bool,
+          water_density: float | None, output: Path | None, material: tuple[str, ...], **values: Any) -> None:  # fmt: skip
     """Tell the largest pressure a device can bear, and where it is strained most there.
 
     The device is that of a case FILE or of the options below (as a section, unless --section says otherwise); every
@@ -53,22 +58,30 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
         tolerances = [Tolerance.parse(text, type(device)) for text in vary]
         if working_cm is not None and not working_cm > 0:
             raise CaseError(f"--working-cm {working_cm:g}: the working pressure must be above zero")
+        if not tolerances and (normal or count is not None):
+            raise CaseError("--samples and --normal are about tolerances; give one with --vary")
+        asked = _as_asked(case, device, materials, water_density)
+        cm = asked.cm
+        folder = output or (Path("results") / "limit" if tolerances else None)
+        if folder is not None and (why := trouble(folder)):
+            raise CaseError(f"the folder {folder} cannot be written ({why})")
     except (CaseError, GeometryError, MaterialError) as error:
         fail(str(error))
     comm = start()
     abort_on_error(comm)
-    cm = pascal_per_cm(water_density)
     spread: list[Any] = []
     try:
-        around = (None, None) if case is None else (case.sheet, case.obstacle)
+        around = (asked.sheet, asked.obstacle, asked.formulation)
         limits = find_limit(device, list(materials.values()), comm, *around)
         first = next(iter(materials.values()))
         if tolerances:
-            spread = scatter(device, first, tolerances, samples(tolerances, count, normal), comm, *around)
+            spread = scatter(device, first, tolerances, samples(tolerances, count or SAMPLES, normal), comm, *around)
     except (CaseError, ObstacleError) as error:
         fail(str(error))
-    except MeshingError as error:
-        fail(str(error), 1)
+    except (MeshingError, BodyError, CompilingError) as error:
+        fail(str(error), FAILED)
+    except OSError as error:  # the mesh is made in the folder for temporary files
+        fail(f"the mesh cannot be written ({error.strerror or error})", FAILED)
     if not is_root(comm):
         return
     table = [_row(name, found, cm, working_cm) for name, found in zip(materials, limits, strict=True)]
@@ -83,8 +96,28 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
         )
     if spread:
         click.echo(_scatter_text(spread, tolerances, cm, working_cm))
-    if output is not None or spread:
-        _write(output or Path("results") / "limit", table, spread, tolerances, cm, working_cm, limits[0])
+    if folder is not None:
+        try:
+            _write(folder, table, spread, tolerances, cm, working_cm, limits[0])
+        except OSError as error:
+            fail(f"the tables cannot be written into {folder} ({error.strerror or error})", status_of(error))
+
+
+def _as_asked(
+    case: Case | None, device: Actuator, materials: Mapping[str, Material], water_density: float | None
+) -> Case:
+    """A case around the device, with a load that is not looked at: what no case may be, no limit is asked of.
+
+    Raises:
+        CaseError: See `Case`.
+    """
+    load: dict[str, Any] = {"pressures_cm": (1.0,), "volumes_ml": (), "strokes_ml": (), "program": (), "supply": None}
+    if water_density is not None:
+        load["water_density"] = water_density
+    for material in materials.values():
+        around = case or Case("limit", device, material, pressures_cm=(1.0,))
+        made = dataclasses.replace(around, name="limit", actuator=device, material=material, cycle=False, **load)
+    return made
 
 
 def _asked(
@@ -99,12 +132,13 @@ def _asked(
         if values.get("variant") or unknown:
             raise CaseError(f"{file} names the device already; leave out --variant and options of other devices")
         device = dataclasses.replace(device, **changes)
+        check_meaning(device, changes)
         if not names and not given:
             return device, {default.name: default}
     else:
         if values.get("section") is None:
             values["section"] = "axisymmetric"
-        device = device_from(HollowDisk, values)
+        device = device_told(HollowDisk, values)
     if len(names) > 1 and given:
         raise CaseError("parameters such as --shear-modulus belong to one --material; several are compared as they are")
     if not names:
@@ -213,13 +247,13 @@ def _csv(path: Path, rows: list[dict[str, Any]]) -> None:
 def _command() -> click.Command:
     made: Any = material_options(limit)
     made = device_options(HollowDisk)(made)
-    text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
-    made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
-    made = click.option("--output", type=click.Path(path_type=Path), help="Folder for tables and picture.")(made)
+    text = f"Density of the column's liquid.  [default: the case's, or {WATER_DENSITY:g}kg/m^3]"
+    made = click.option("--water-density", type=QuantityType("kg/m^3"), help=text)(made)
+    made = click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for tables and picture.")(made)
     made = click.option("--normal", is_flag=True, help="Tolerances are two standard deviations; else all in them are as "
                         "likely.")(made)  # fmt: skip
-    made = click.option("--samples", "count", type=click.IntRange(2, 4096), default=32, show_default=True,
-                        help="Devices within the tolerances.")(made)  # fmt: skip
+    made = click.option("--samples", "count", type=click.IntRange(2, 4096),
+                        help=f"Devices within the tolerances.  [default: {SAMPLES}]")(made)  # fmt: skip
     made = click.option("--vary", multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
                         "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); may be "
                         "repeated.")(made)  # fmt: skip

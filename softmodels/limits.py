@@ -18,6 +18,7 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from measurement.units import UnitError, number, quantity
 from softmodels.case import STIFFNESS_RANGE, CaseError
+from softmodels.compiling import compiling
 from softmodels.materials import Material
 from softmodels.obstacle import Obstacle
 from softmodels.parallel import on_root
@@ -61,6 +62,7 @@ def find_limit(
     comm: Any,
     sheet: Sheet | None = None,
     obstacle: Obstacle | None = None,
+    formulation: str = "mixed",
 ) -> list[Limit]:
     """Limits of one device in several materials; it is meshed once.
 
@@ -69,6 +71,7 @@ def find_limit(
         materials: The silicones.
         comm: MPI communicator.
         sheet, obstacle: What is bonded to it, and what it comes to rest on.
+        formulation: As a case has it.
 
     Raises:
         MeshingError, BodyError, MaterialError, ObstacleError: As for a run.
@@ -88,8 +91,9 @@ def find_limit(
         for material in materials:
             key = (type(material), len(getattr(material, "mu", ())))
             if key not in known:
-                equations = Equilibrium(body, material, sheet=sheet, obstacle=obstacle)
-                known[key] = equations, Fields(equations)
+                with compiling():
+                    equations = Equilibrium(body, material, formulation, sheet, obstacle)
+                    known[key] = equations, Fields(equations)
             equations, fields = known[key]
             equations.set_material(material)
             found.append(_search(equations, fields))
@@ -214,6 +218,7 @@ def scatter(
     comm: Any,
     sheet: Sheet | None = None,
     obstacle: Obstacle | None = None,
+    formulation: str = "mixed",
 ) -> list[tuple[Mapping[str, float], Limit]]:
     """The limit of each sampled device, with its parameters.
 
@@ -227,5 +232,5 @@ def scatter(
             device = actuator.made(changes)
         except GeometryError as error:
             raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
-        found.append((changes, find_limit(device, [material], comm, sheet, obstacle)[0]))
+        found.append((changes, find_limit(device, [material], comm, sheet, obstacle, formulation)[0]))
     return found

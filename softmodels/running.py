@@ -176,8 +176,6 @@ def _follow(
     progress.say(f"{cells} cells, {dofs} unknowns, {comm.size} rank{'s' if comm.size > 1 else ''}")
 
     if case.program:
-        if branch:
-            progress.say("--branch does not follow programs; it is left out")
         return _follow_program(case, results, fields, comm, progress, stopped, resumed)
     scale = equilibrium.stress_unit if case.pressures_cm else equilibrium.volume_unit
     goals = [goal / scale for goal in case.goals]

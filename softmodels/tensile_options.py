@@ -33,6 +33,21 @@ def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--columns", default="", metavar="KIND=COLUMN[UNIT],...", help=text)(command)
 
 
+def check_curves_given(options: dict[str, Any]) -> None:
+    """Refuse options about curves where there are none.
+
+    Raises:
+        TensileError: The first of them.
+    """
+    if options["tensile"]:
+        return
+    usual = {"columns": "", "gauge_length": None, "cross_section": None, "stretch": None, "radius": None, "thickness": None,
+             "stress_error": "auto", "gauge_error": "0%"}  # fmt: skip
+    for name, default in usual.items():
+        if options.get(name, default) != default:
+            raise TensileError(f"--{name.replace('_', '-')} is about curves; give one with --tensile, or leave it out")
+
+
 def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
     """The curves of ``--tensile``, within ``--stretch``, dense ones averaged (see `thinned`).
 

@@ -131,7 +131,7 @@ def test_calibrate_then_setup(tmp_path, boards_drawn):
     assert float(re.search(r"plane by ([\d.]+) um", done.output)[1]) < 6.0
     wrong = save(tmp_path / "small.png", image[:400])
     assert "900 x 600 px" in run("setup", wrong, "--lens", tmp_path / "camera.toml").stderr
-    assert run("calibrate", *paths[:3], path, "--pitch", "8mm", "-o", tmp_path / "camera.toml").exit_code == 1
+    assert run("calibrate", *paths[:3], path, "--pitch", "8mm", "-o", tmp_path / "camera.toml").exit_code == 3
     assert "needs 3 or more" in run("calibrate", path, "-o", tmp_path / "camera.toml").stderr
     assert "no pattern" in run("calibrate", path, "--pattern", "9", "-o", tmp_path / "camera.toml").stderr
 

@@ -154,7 +154,7 @@ def test_setup_is_kept_when_its_picture_or_itself_cannot_be_written(tmp_path):
 
 EDITS = {
     "version": (r"version = 1", "version = 2", "of version 2, this program reads version 1"),
-    "no camera": (r"\[camera\][^\[]*", "", "unknown|no field|cannot be read|no valid TOML"),
+    "no camera": (r"\[camera\][^\[]*", "", "unknown|no field|cannot be read|not valid TOML"),
     "no matrix": (r"matrix = ", "matrixx = ", "no field 'matrix'"),
     "not a number": (r"magnification = 1.0", "magnification = nan", "magnification must be positive"),
     "pitch is no number": (r"grid_pitch = [\d.]+", "grid_pitch = nan", "pitch must be a positive"),
