@@ -213,7 +213,7 @@ def law_choices(text: str, poisson: float) -> list[LawChoice]:
     return choices
 
 
-def _check_names(choices: list[LawChoice], options: dict[str, Any]) -> None:
+def _check_names(choices: Sequence[LawChoice], options: dict[str, Any]) -> None:
     """Refuse a parameter that none of the laws has."""
     known = dict.fromkeys(name for choice in choices for name in choice.names)
     for text in (*options["fixes"], *options["bounds"], *options["priors"]):
