@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import click
+import numpy as np
 
 from measurement.column import DENSITY_ERROR, READING_ERROR, Column, ColumnError
 from measurement.outline import Outline
@@ -17,6 +18,7 @@ from measurement.photo import Refusal
 from measurement.photo_list import Photograph, PhotoListError, read_photos
 from measurement.pixels import TONES, Unmeasurable, read_photograph
 from measurement.reasons import reason
+from measurement.scaling import with_known_body
 from measurement.series import NoZero, Result, measure_all, zero_line
 from measurement.setup import Setup, SetupError
 from measurement.tracing import AUTO
@@ -42,11 +44,14 @@ HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error
 @click.option("--density-error", default=f"{DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error.")
 @click.option("--reading-error", default=f"{READING_ERROR * 1e3:g}mm", show_default=True,
               help="Standard error of reading one level of the column.")  # fmt: skip
+@click.option("--body-width", metavar="LENGTH",
+              help="True width of the body, whose sides the photographs show: 34mm, or 34mm+-0.05mm. It tells the shadow's "
+              "magnification.")  # fmt: skip
 @click.option("--no-pictures", is_flag=True, help="Leave the pictures and the overview out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def photos(
     listing: Path, setup_file: Path, output: Path, jobs: int | None, tone: str, water_density: str, density_error: str,
-    reading_error: str, no_pictures: bool, quiet: bool,
+    reading_error: str, body_width: str | None, no_pictures: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Measure the shadow's outline in every photograph of a list.
 
@@ -63,16 +68,25 @@ def photos(
         )
         listed = read_photos(listing, column)
         setup = Setup.from_file(setup_file)
+        width = None if body_width is None else _width(body_width)
     except (ColumnError, PhotoListError, SetupError, UnitError) as error:
         _stop(str(error), UNUSABLE)
     if why := trouble(output):
         _stop(f"the folder {output} cannot be written: {why}", UNUSABLE)
-    sys.exit(_run(listed, setup, output, jobs or _cores(), tone, not no_pictures, quiet))
+    sys.exit(_run(listed, setup, output, jobs or _cores(), tone, width, not no_pictures, quiet))
 
 
-def _run(listed: list[Photograph], setup: Setup, output: Path, jobs: int, tone: str, draw: bool, quiet: bool) -> int:
+def _run(
+    listed: list[Photograph], setup: Setup, output: Path, jobs: int, tone: str, width: tuple[float, float] | None,
+    draw: bool, quiet: bool,
+) -> int:  # fmt: skip
     try:
         zero = zero_line(listed, setup, tone)
+        if width is not None:
+            setup = with_known_body(setup, zero, *width)
+            zero = zero_line(listed, setup, tone)
+    except SetupError as error:
+        _stop(str(error), UNUSABLE)
     except NoZero as error:
         _stop(str(error), UNUSABLE if not any(photo.is_zero for photo in listed) else FAILED)
     edges = output / "edges"
@@ -88,11 +102,35 @@ def _run(listed: list[Photograph], setup: Setup, output: Path, jobs: int, tone: 
     if not quiet:
         for result in results:
             click.echo(_line(result))
+        click.echo(_scale_words(setup, zero, width))
         click.echo(f"{len(results) - len(refused)} of {len(results)} measured; written to {output}")
     for result in refused:
         assert isinstance(result.outcome, Refusal)
         click.echo(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
     return ALL_MEASURED if not refused else FAILED if len(refused) == len(results) else SOME_REFUSED
+
+
+def _width(text: str) -> tuple[float, float]:
+    value, _, error = text.replace("±", "+-").partition("+-")
+    width, spread = quantity(value, "m"), quantity(error, "m") if error else 0.0
+    if not (0.0 < width < np.inf and 0.0 <= spread < width):
+        raise UnitError(f"--body-width must be a positive length, not {text}")
+    return width, spread
+
+
+def _scale_words(setup: Setup, zero: ZeroLine, width: tuple[float, float] | None) -> str:
+    """What the lengths are held against."""
+    seen = (
+        "" if zero.sides is None else f"; the body's sides lie {zero.sides.width * 1e3:.3f} mm apart at zero pressure"
+    )
+    if width is not None or setup.magnification_error > 0.0:
+        error = f" +- {setup.magnification_error:.2g}" if setup.magnification_error else ""
+        return f"Lengths are the shadow's over its magnification of {setup.magnification:.5f}{error}{seen}"
+    unknown = "--body-width" if zero.sides is not None else "setup --lamp-distance and --screen-distance"
+    return (
+        f"Lengths are the shadow's over a magnification of {setup.magnification:g} that nothing here checks and no error "
+        f"counts; {unknown} would tell it{seen}"
+    )
 
 
 def _measure(

@@ -42,6 +42,7 @@ class Outline:
         trusted: Whether nothing speaks against it.
         reasons: What speaks against it, one sentence each; empty if trusted.
         sunk: How far the surface beside the bulge lies below the zero plane in m; 0 where that cannot be told from none.
+        scale: Width of the body's sides over that at zero pressure; NaN where they are not seen.
         bridged: Which points were not measured but bridge a gap, their errors how far the true outline may lie off, (n,).
 
     Raises:
@@ -57,6 +58,7 @@ class Outline:
     trusted: bool = True
     reasons: tuple[str, ...] = ()
     sunk: float = 0.0
+    scale: float = math.nan
     bridged: npt.NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
@@ -135,6 +137,7 @@ class Outline:
             f"pressure_error_Pa = {self.pressure_error!r}",
             f"source = {' '.join(self.source.split())}",
             f"sunk_m = {self.sunk:.4g}",
+            *([f"scale = {self.scale:.7g}"] if math.isfinite(self.scale) else []),
             f"trusted = {'yes' if self.trusted else 'no'}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
         ]
@@ -171,10 +174,11 @@ class Outline:
         try:
             pressure, pressure_error = number(notes["pressure_Pa"]), number(notes["pressure_error_Pa"])
             sunk = number(notes.get("sunk_m", "0"))
+            scale = number(notes["scale"]) if "scale" in notes else math.nan
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except UnitError as error:
-            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa or sunk_m: {error}") from None
+            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa, sunk_m or scale: {error}") from None
         points = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trusted = notes.get("trusted", "no") == "yes"
         if not trusted and not reasons:
@@ -189,6 +193,7 @@ class Outline:
             trusted,
             tuple(reasons),
             sunk,
+            scale,
             points[:, 3] > 0.0,
         )
 

@@ -17,6 +17,7 @@ from measurement.pixels import Unmeasurable
 from measurement.ripples import check_ripples
 from measurement.setup import Setup
 from measurement.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
+from measurement.sides import BAND, sides_of
 from measurement.smoothing import SPAN
 from measurement.tracing import AUTO, FEWEST_POINTS, Traced, trace
 from measurement.zero import ZeroLine
@@ -89,7 +90,8 @@ def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     errors = setup.error(traced.px, traced.error_px, traced.normals)
     seen = ~traced.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
-    return dataclasses.replace(line, tone=traced.tone, doubts=traced.doubts)
+    sides = sides_of(line.place(traced.points[seen]), traced.normals[seen] @ line.normal, errors[seen])
+    return dataclasses.replace(line, tone=traced.tone, doubts=traced.doubts, sides=sides)
 
 
 def outline_of(
@@ -117,6 +119,8 @@ def outline_of(
     reasons = list(traced.doubts)
     sunk, moved, doubt = displacement(placed, upwards, error, zero)
     error = np.hypot(error, moved)
+    scale, spread = _scale(placed, upwards, error, traced.bridged, zero)
+    error = np.hypot(error, spread * np.abs(placed[:, 1]))
     raw = zero.place(setup.to_metres(traced.edge.px))
     doubts = [doubt, check_corners(raw), check_ripples(raw), check_width(placed, error, zero)]
     doubts.append(check_clear(placed[above], error[above]))
@@ -134,7 +138,8 @@ def outline_of(
             "with --tone"
         )
     inner = slice(first, last + 1)
-    _check_dents(placed[inner], sunken[inner])
+    # A surface that has sunk as a whole, or beside the bulge, is no dent.
+    _check_dents(placed[inner], sunken[inner] & (placed[inner, 1] < -ON_SURFACE - 2.0 * sunk))
     reasons += _gaps(placed[inner], error[inner], above[inner], traced.bridged[inner], traced.doubts)
     overhang = _overhang(placed[kept], error[kept])
     if overhang > 0.01:
@@ -153,6 +158,7 @@ def outline_of(
             not reasons,
             tuple(reasons),
             sunk,
+            scale,
             traced.bridged[order],
         )
     except OutlineError as problem:
@@ -169,6 +175,19 @@ def _check_rim(traced: Traced, zero: ZeroLine) -> None:
         raise Unmeasurable(
             f"the shadow touches the frame or the region of interest {height.max() * 1e3:.1f} mm above the surface"
         )
+
+
+def _scale(
+    placed: Array, upwards: Array, error: Array, bridged: npt.NDArray[np.bool_], zero: ZeroLine
+) -> tuple[float, float]:
+    """The body's width over that at zero pressure, NaN where it is not seen, and the heights' relative error by it."""
+    seen = ~bridged
+    sides = sides_of(placed[seen], upwards[seen], error[seen])
+    if sides is None or zero.sides is None or abs(sides.depth - zero.sides.depth) > BAND:
+        return np.nan, 0.0
+    scale = sides.width_at(zero.sides.depth) / zero.sides.width
+    own = np.hypot(sides.error, zero.sides.error) / zero.sides.width
+    return scale, float(np.sqrt(max(0.0, (scale - 1.0) ** 2 - (2.0 * own) ** 2)))
 
 
 def _rounded(placed: Array, upwards: Array) -> npt.NDArray[np.bool_]:

@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
+import numpy as np
 
-from measurement import copies, settling
+from measurement import copies, scaling, settling
 from measurement.outline import Outline
 from measurement.photo import Refusal, find_zero, outline_of
 from measurement.photo_list import Photograph
@@ -151,11 +152,15 @@ def judged(results: list[Result]) -> list[Result]:
         compared[k] = dataclasses.replace(results[k], outcome=Refusal(why, results[k].photograph.file))
     results = list(compared)
     outlines = {k: result.outcome for k, result in enumerate(results) if isinstance(result.outcome, Outline)}
-    found = settling.doubts(list(outlines.values()))
-    for (k, outline), doubt in zip(outlines.items(), found, strict=True):
-        if doubt is not None:
-            distrusted = dataclasses.replace(outline, trusted=False, reasons=(*outline.reasons, doubt))
-            compared[k] = dataclasses.replace(results[k], outcome=distrusted)
+    all_of_them = list(outlines.values())
+    witnesses = [judge(all_of_them) for judge in (settling.doubts, scaling.doubts)]
+    for (k, outline), off, *doubts in zip(outlines.items(), settling.unknown(all_of_them), *witnesses, strict=True):
+        against = tuple(doubt for doubt in doubts if doubt is not None)
+        if against or off:
+            compared[k] = dataclasses.replace(results[k], outcome=dataclasses.replace(
+                outline, error=np.hypot(outline.error, off), trusted=outline.trusted and not against,
+                reasons=(*outline.reasons, *against),
+            ))  # fmt: skip
     return compared
 
 

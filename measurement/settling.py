@@ -25,6 +25,9 @@ CURVED = 6
 LEAST = 5.0
 """Heights below this many times `ON_SURFACE` tell nothing of the course."""
 
+TELLS, TELLS_SHARE = 15e-6, 0.05
+"""Distance in m from a common course, and as a share of the deepest sinking, that tells of a body that was moved."""
+
 SHARE = 0.2
 """Share of its own sinking by which an outline may lie off the common course."""
 
@@ -37,7 +40,7 @@ def doubts(outlines: list[Outline]) -> list[str | None]:
     """
     heights, sunk = (np.array([getattr(outline, name) for outline in outlines]) for name in ("height", "sunk"))
     raised = heights > LEAST * ON_SURFACE
-    if not (raised & (sunk > ON_SURFACE)).any():
+    if not (raised & (sunk > TELLS)).any():
         return [None] * len(outlines)
     if raised.sum() < FEWEST:
         few = (
@@ -45,37 +48,54 @@ def doubts(outlines: list[Outline]) -> list[str | None]:
             "whether it was moved since the zero was taken"
         )
         return [_sentence(depth) + few if depth > ON_SURFACE else None for depth in sunk]
-    course = _course(heights[raised], sunk[raised])
-    start = float(course(0.0))
-    if abs(start) > ON_SURFACE:
+    common = course(heights[raised], sunk[raised], 0.2 * ON_SURFACE)
+    start, tells = float(common(0.0)), max(TELLS, TELLS_SHARE * float(sunk.max()))
+    if abs(start) > tells:
         moved = (
-            f"; by the other photographs it would lie {abs(start) * 1e3:.2f} mm {'below' if start > 0.0 else 'above'} the "
+            f"; by the other photographs it would lie {_length(start)} {'below' if start > 0.0 else 'above'} the "
             "plane without any pressure: the part, the lamp or the camera has moved since the zero was taken"
         )
         return [_sentence(depth) + moved if up else None for depth, up in zip(sunk, raised, strict=True)]
     found: list[str | None] = []
     for height, depth, up in zip(heights, sunk, raised, strict=True):
-        off = depth - float(course(height))
+        off = depth - float(common(height))
         own = (
-            f", {abs(off) * 1e3:.2f} mm {'more' if off > 0.0 else 'less'} than the other photographs lead one to expect: the "
+            f", {_length(off)} {'more' if off > 0.0 else 'less'} than the other photographs lead one to expect: the "
             "part was moved for this one"
         )
-        found.append(_sentence(depth) + own if up and abs(off) > max(ON_SURFACE, SHARE * depth) else None)
+        found.append(_sentence(depth) + own if up and abs(off) > max(tells, SHARE * depth) else None)
     return found
 
 
+def unknown(outlines: list[Outline]) -> list[float]:
+    """How far in m each outline may lie off because too few photographs tell a soft body from one that was moved."""
+    raised = [outline.height > LEAST * ON_SURFACE for outline in outlines]
+    few = sum(raised) < FEWEST
+    return [outline.sunk if few and up else 0.0 for outline, up in zip(outlines, raised, strict=True)]
+
+
 def _sentence(depth: float) -> str:
-    return f"beside the bulge the surface lies {depth * 1e3:.2f} mm below the zero plane"
+    return "beside the bulge the surface lies " + (f"{_length(depth)} below" if depth else "on") + " the zero plane"
 
 
-def _course(heights: Array, sunk: Array) -> np.polynomial.Polynomial:
-    """Sinking over height: a line, or a parabola where there are points enough, that single outlines do not draw away."""
+def _length(value: float) -> str:
+    return f"{abs(value) * 1e3:.2f} mm" if abs(value) >= 95e-6 else f"{abs(value) * 1e6:.0f} um"
+
+
+def course(heights: Array, values: Array, usual: float) -> np.polynomial.Polynomial:
+    """Values (n,) over height (n,): a line, or a parabola where there are points enough, that none of them draws away.
+
+    Args:
+        heights: Heights in m.
+        values: What follows them.
+        usual: How far a value may lie off the course before it counts less.
+    """
     scale = float(heights.max())
     terms = np.vander(heights / scale, 3 if len(heights) >= CURVED else 2, increasing=True)
     fit = least_squares(
-        lambda c: (terms @ c - sunk) / (0.2 * ON_SURFACE),
+        lambda c: (terms @ c - values) / usual,
         np.zeros(terms.shape[1]),
         loss="soft_l1",
-        jac=lambda c: terms / (0.2 * ON_SURFACE),
+        jac=lambda c: terms / usual,
     )
     return np.polynomial.Polynomial(fit.x / scale ** np.arange(terms.shape[1]))

@@ -1,7 +1,8 @@
 """Whole runs of synthetic photographs with a damage in them, measured as a user's would be, and judged by the truth.
 
 A bench is a random camera, screen, lamp and body. Its run is a photograph of the grid, one of the undeformed body and several
-of the raised one. A damage falls on one photograph, on all of them or on the setup; the undamaged ones stay as they are.
+of the raised one. Where the body's sides are in the picture its width is told, as a user's device has a known one. A damage
+falls on one photograph, on all of them or on the setup; the undamaged ones stay as they are.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ from measurement.outline import Outline
 from measurement.photo import Refusal, outline_of, zero_of
 from measurement.photo_list import Photograph
 from measurement.pixels import Unmeasurable
+from measurement.scaling import with_known_body
 from measurement.series import Result, judged
-from measurement.setup import Setup
+from measurement.setup import Setup, SetupError
 from measurement.synthetic import Scene, Truth, dome, dome_height, photograph, truth_of
-from measurement.synthetic_damages import KINDS, ONE, RAISED, SETUP
+from measurement.synthetic_damages import KINDS, NEEDS_SIDES, ONE, RAISED, SETUP
 from measurement.synthetic_faults import Change, Target
 from measurement.synthetic_light import Array
 from measurement.tracing import trace_image
@@ -152,6 +154,7 @@ class Run:
         self.grid = grid
         self.pictures = [self._picture(number, Change("")) for number in range(len(SHARES))]
         self.alone: list[Outline | Refusal] = []
+        self.known, self.zero = self.setup, ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
         self.good = self._measured(self.pictures, self.setup)
 
     def good_ones(self) -> Iterator[Verdict]:
@@ -160,13 +163,15 @@ class Run:
             yield self._verdict("none", Change(""), number, result, self.setup)
 
     def damaged(self, kind: str, seed: int) -> Iterator[Verdict]:
-        """Verdicts on the photographs that one damage fell on.
+        """Verdicts on the photographs that one damage fell on; none where no evidence of it can be in the pictures.
 
         Args:
             kind: One of `synthetic_damages.KINDS`.
             seed: Seed of its size and place.
         """
         scope, damage = KINDS[kind]
+        if kind in NEEDS_SIDES and not self.bench.shows_sides:
+            return
         rng = np.random.default_rng([self.bench.seed, seed, list(KINDS).index(kind)])
         chosen = int(rng.integers(2, len(SHARES)))
         at = self.bench.polygon(self.heights[chosen]), self.bench.upper(self.heights[chosen])
@@ -190,10 +195,9 @@ class Run:
                 again.integers(2, len(SHARES))
                 pictures[number] = self._picture(number, damage(own, again))
         if scope == ONE:
-            zero = self._zero(self.pictures, setup)
             outcomes = list(self.alone)
-            outcomes[chosen] = self._outcome(pictures[chosen], setup, zero, chosen)
-            results = self._judged(outcomes, setup, zero)
+            outcomes[chosen] = self._outcome(pictures[chosen], self.known, self.zero, chosen)
+            results = self._judged(outcomes)
         else:
             results = self._measured(pictures, setup)
         for number in numbers:
@@ -231,14 +235,17 @@ class Run:
     def _measured(self, pictures: list[Pixels], setup: Setup) -> list[Outline | Refusal]:
         try:
             zero = self._zero(pictures, setup)
-        except Unmeasurable as error:
+            if zero.sides is not None:
+                setup = with_known_body(setup, zero, 2.0 * self.bench.half_width)
+                zero = self._zero(pictures, setup)
+        except (Unmeasurable, SetupError) as error:
             return [Refusal(str(error), Path())] * len(pictures)
         outcomes = [self._outcome(picture, setup, zero, number) for number, picture in enumerate(pictures)]
         if pictures is self.pictures:
-            self.alone = outcomes
-        return self._judged(outcomes, setup, zero)
+            self.alone, self.known, self.zero = outcomes, setup, zero
+        return self._judged(outcomes)
 
-    def _judged(self, outcomes: list[Outline | Refusal], setup: Setup, zero: ZeroLine) -> list[Outline | Refusal]:
+    def _judged(self, outcomes: list[Outline | Refusal]) -> list[Outline | Refusal]:
         results = [Result(self._photo(number), outcome, f"{number}") for number, outcome in enumerate(outcomes)]
         return [result.outcome for result in judged(results)]
 

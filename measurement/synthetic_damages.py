@@ -170,3 +170,6 @@ KINDS: dict[str, tuple[str, Damage]] = {
     "wrong lens": (SETUP, wrong_lens),
 }
 """Every kind of damage: what it falls on, and what it does."""
+
+NEEDS_SIDES = {kind for kind, (_, damage) in KINDS.items() if damage is scaled}
+"""Kinds that only the body's width tells; where its sides are not in the picture, nothing does."""

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.pixels import Unmeasurable
+from measurement.sides import Sides
 
 Array = npt.NDArray[np.float64]
 
@@ -40,6 +41,7 @@ class ZeroLine:
         extent: Least and greatest x at which it was seen, in m.
         tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
         doubts: What speaks against trusting it, one sentence each.
+        sides: The body's sides below it; None where the photograph does not show both.
     """
 
     origin: Array
@@ -50,6 +52,7 @@ class ZeroLine:
     extent: tuple[float, float] = (-np.inf, np.inf)
     tone: str = ""
     doubts: tuple[str, ...] = ()
+    sides: Sides | None = None
 
     @property
     def normal(self) -> Array:

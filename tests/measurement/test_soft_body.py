@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import re
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from measurement.__main__ import main
 from measurement.camera import Camera
 from measurement.grid import find_grid
 from measurement.outline import Outline
@@ -67,3 +72,25 @@ def test_a_soft_body_that_slips_after_the_zero_is_not_trusted(setup, tmp_path):
     outlines = measured(setup, tmp_path, (0.0, -0.2e-3, -0.2e-3, -0.2e-3, -0.2e-3))
     for outline in outlines[1:]:
         assert not getattr(outline, "trusted", False)
+
+
+def test_the_command_takes_the_body_s_width(setup, tmp_path):
+    for number, height in enumerate((0.0, 3.5e-3)):
+        save(tmp_path / f"IMG_{number:04d}.JPG", photograph(SCENE, 1.02 * body(height), 10 + number)[0])
+    (tmp_path / "photos.csv").write_text("file,pressure\nIMG_0000.JPG,0 cm\nIMG_0001.JPG,9 cm\n")
+    (tmp_path / "setup.toml").write_text(setup.to_toml())
+    words = [
+        "photos",
+        str(tmp_path / "photos.csv"),
+        "--setup",
+        str(tmp_path / "setup.toml"),
+        "-o",
+        str(tmp_path / "out"),
+    ]
+    words += ["--jobs", "1", "--no-pictures", "--body-width"]
+    done = CliRunner().invoke(main, [*words, "34mm+-10um"])
+    assert done.exit_code == 0, done.output
+    assert re.search(r"magnification of 1\.0(19|20)", done.output), done.output
+    rows = list(csv.DictReader((tmp_path / "out" / "heights.csv").read_text().splitlines()))
+    assert float(rows[1]["height_m"]) == pytest.approx(3.5e-3, abs=12e-6)
+    assert CliRunner().invoke(main, [*words, "34um"]).exit_code == 2
