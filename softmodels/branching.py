@@ -121,7 +121,6 @@ def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = floa
     Raises:
         PathEnd: The branch could be followed no further.
     """
-    from softmodels.critical_points import events
     from softmodels.loading import FARTHEST
 
     def ends(point: Point) -> bool:
@@ -144,7 +143,7 @@ def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = floa
     for _ in range(MOST_POINTS):
         before = path.last
         after = path.advance(min(before.step, 0.5), float("inf"))
-        for stop in [*events(path, before, after), after]:
+        for stop in [*path.events(before, after), after]:
             yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=after.step))
         if ends(after):
             return

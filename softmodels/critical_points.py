@@ -97,8 +97,9 @@ def bifurcation(path: Path, before: Point, after: Point) -> Point:
     root = _root(known, scale)
     point = path.in_between(low[1], high[1], (root - low[1].state.V) / (high[1].state.V - low[1].state.V))
     _, mode = stability.like(point.state, mode)
+    lowest = stability.critical_lowest(point.state, min(before.signature.excess, after.signature.excess))
     path.equilibrium.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
-    signature = Signature(before.signature.excess, 0.0)  # by definition; what interpolation leaves of it means nothing
+    signature = Signature(before.signature.excess, lowest)
     return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
 
 

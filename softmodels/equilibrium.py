@@ -53,7 +53,12 @@ class Tangent:
 
 
 class Equilibrium(Discrete):
-    """A body of one material, to be solved for; see `Discrete` for what it is made of."""
+    """A body of one material, to be solved for; see `Discrete` for what it is made of.
+
+    Attributes:
+        base: The state at which the kept factorisation was made; None if there is none, or it was made at an iterate.
+        age: Iterations of the linear solver since.
+    """
 
     def __init__(
         self,
@@ -64,6 +69,7 @@ class Equilibrium(Discrete):
         obstacle: Obstacle | None = None,
     ):
         super().__init__(body, material, formulation, sheet, obstacle)
+        self.base: State | None = None
         self.system = Bordered(self.K, self._multiply)
         self.snes: Any = None
         self.anchor: Any = None
@@ -148,7 +154,7 @@ class Equilibrium(Discrete):
         if self.system.factorisations == 0 or self.snes.getKSP().getIterationNumber() > WORN:
             self._assemble_tangent()
             self.system.factorise()
-            self.age, self._adrift = 0, True
+            self.age, self.base = 0, None
         else:
             self.system.refresh()
         J.assemble()
@@ -156,7 +162,7 @@ class Equilibrium(Discrete):
     def _make_solver(self) -> None:
         from petsc4py import PETSc
 
-        self.age, self._adrift = 0, False
+        self.age, self.base = 0, None
         self._first = self._before = math.inf
         self._x, self._f, self._y = self.system.vector(), self.system.vector(), self.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(self.comm)
@@ -238,17 +244,17 @@ class Equilibrium(Discrete):
         return State(w, float(scalars[0]), self.volume(), self.snes.getIterationNumber())
 
     def factorise(self, state: State) -> None:
-        """Factorise the tangent at ``state``, to be kept for the solves that follow."""
+        """Factorise the tangent at ``state``, to be kept for the solves that follow; it becomes their ``base``."""
         self.load(state)
         self._set_columns()
         self._assemble_tangent()
         self.system.factorise()
-        self.age, self._adrift = 0, False
+        self.age, self.base = 0, state
 
     @property
     def stale(self) -> bool:
         """Whether a new factorisation is due: the kept one has aged, or was made at an iterate and not at a state."""
-        return self.system.factorisations == 0 or self.age > STALE or self._adrift
+        return self.base is None or self.age > STALE
 
     def tangent(self, state: State, control: Control, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
         """Direction of the path at a state, scaled to one unit of the control's line, to a relative tolerance.

@@ -88,7 +88,6 @@ class Path:
             self.first_steps["stroke"] = 0.1 * (a * self.V_scale + b * self.P_scale)
         step, stiffest = self.first_steps[self.line], abs(tangent.compliance)
         self.stability.start()
-        self.stability.settle()
         signature = self.stability.signature(exact=True)
         return self.keep(Point(start, tangent, False, False, step, self.line, True, eq.age, stiffest, signature))
 
@@ -99,7 +98,7 @@ class Path:
         for point in points:
             if point.factorised:
                 self.equilibrium.factorise(point.state)
-                self.stability.settle()
+                self.stability.lowest()
             self.keep(dataclasses.replace(point, tangent=self.tangent(point.state)))
         self.line, self.equilibrium.age = points[-1].line, points[-1].age
 
@@ -175,7 +174,10 @@ class Path:
         step = self.last.step if step is None else step
         stiffest = min(self.last.stiffest, abs(tangent.compliance))
         excess = self.last.signature.excess
-        signature = Signature(excess, 0.0) if limit else self.stability.signature(stale, excess)
+        if limit:
+            signature = Signature(excess, self.stability.critical_lowest(state, excess))
+        else:
+            signature = self.stability.signature(stale, excess)
         return Point(state, tangent, requested, limit, step, self.line, stale, eq.age, stiffest, signature)
 
     def advance(self, step: float, goal: float) -> Point:
@@ -320,6 +322,21 @@ class Path:
             signature=self.stability.signature(exact=True),
         )  # fmt: skip
 
+    def events(self, before: Point, after: Point) -> list[Point]:
+        """Limit points, bifurcations and turns of the stroke between two neighbouring points, in order.
+
+        The kept factorisation is that of ``after`` then: none of the states solved for in between leaves a trace in what
+        follows, which a run that is gone on with could not follow.
+        """
+        eq, kept = self.equilibrium, (self.equilibrium.base, self.stability.modes)
+        found = events(self, before, after)
+        if turn := self.turn(before, after):
+            found = sorted([*turn, *found], key=lambda point: abs(point.state.V - before.state.V))
+        if eq.base is not kept[0] or self.stability.modes is not kept[1]:
+            eq.factorise(after.state)
+            self.stability.lowest()
+        return found
+
     def limit(self, before: Point, after: Point) -> Point:
         """The limit point of the pressure between two points, to about 1e-10 of the pressure."""
         return self.point(self._bisect(before, after, lambda p: p.tangent.P / p.tangent.V), limit=True)
@@ -385,11 +402,8 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
             after = path.advance(step, left[0])
         except PathEnd as end:
             raise _ended(str(end), path, met, turned) from end
-        passed, turn = before, path.turn(before, after)
-        stops = [*events(path, before, after), after]
-        if turn:
-            stops = sorted([*turn, *stops], key=lambda point: abs(point.state.V - before.state.V))
-        for stop in stops:
+        passed = before
+        for stop in [*path.events(before, after), after]:
             if jumping and turned and path.value(passed.state) < path.value(turned.state) <= path.value(stop.state):
                 # On the bench the device jumps at the stroke's limit point to here.
                 landed = path.between(passed, stop, path.value(turned.state))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -65,11 +66,16 @@ def row_of(case: Case, fields: Any, point: Any, figures: Any, nodal: Any, number
         "stable_under_pressure": int(point.stable_under_pressure),
         "stable_under_volume": int(point.stable_under_volume),
         "falling_directions": point.signature.excess,
-        "lowest_eigenvalue_Pa_per_mm2": point.signature.lowest
-        * fields.equilibrium.stress_unit
-        / (fields.equilibrium.length_unit * 1e3) ** 2,
+        "lowest_eigenvalue_Pa_per_mm2": _eigenvalue(fields.equilibrium, point.signature.lowest),
         "following": point.line,
     }
+
+
+def _eigenvalue(equilibrium: Any, dimensionless: float) -> float | None:
+    """In Pa/mm2; nothing where it was not found to within its tolerance."""
+    if math.isnan(dimensionless):
+        return None
+    return float(dimensionless * equilibrium.stress_unit / (equilibrium.length_unit * 1e3) ** 2)
 
 
 def cavity_columns(row: Mapping[str, Any], what: str, unit: str) -> list[str]:

@@ -15,27 +15,31 @@ cells, and lambda / density is the square of a natural frequency. M has no entri
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.linalg
 
 from softmodels.discrete import State
 from softmodels.equilibrium import Equilibrium, NoConvergence
+from softmodels.lanczos import lowest
+
+Array = npt.NDArray[np.float64]
 
 ALWAYS = 6000
 """Unknowns up to which every point is factorised: it costs no more there than the iterations it saves."""
 NEAR = 0.4
 """Share of the lowest eigenvalue at the last factorised point below which a larger system is factorised too."""
-SWEEPS = 3
-"""Inverse iterations per factorised point of a larger system; the vector is that of the point before, so few are enough."""
-MOST_SWEEPS, SETTLED = 40, 1e-11
-"""The same for small systems, which can afford to iterate until the eigenvalue stays."""
-LOOSE = 0.03
-"""Relative tolerance of the one inverse iteration where K is not factorised."""
+BLOCK = 4
+"""Modes of the last factorised point from which the lowest eigenvalue of a point without factorisation is found."""
+MOST_CORRECTIONS, CLOSE = 6, 5e-3
+"""Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
+error is about its square. A mode that does not get there in as many has the point factorised."""
+SINGULAR = 1e-6
+"""Eigenvalue, in shares of the largest on the path, below which K is singular and the rest is rounding."""
 
 ALIKE = 0.6
 """Cosine of the angle between two modes (in the inner product of M) above which they are one mode at two states."""
@@ -47,7 +51,8 @@ class Signature:
 
     Attributes:
         excess: Directions in which the energy at a given pressure falls; 0 if stable.
-        lowest: Lowest eigenvalue, dimensionless (shear moduli over squared sizes).
+        lowest: Lowest eigenvalue, dimensionless (shear moduli over squared sizes), to 1e-9 of itself, or to 1e-3 where it is
+            not exact; nan if it was not found.
         exact: Whether K was factorised here. Else the excess is the last factorised point's, and the eigenvalue has kept
             away from zero since.
     """
@@ -90,7 +95,10 @@ class Stability:
         return found
 
     def start(self) -> None:
-        """Forget the tracked mode and begin with a shape that has a part of every mode, the same on any ranks."""
+        """Forget the modes known and take up a shape that has a part of every mode, the same on any ranks.
+
+        Every search for modes begins with it, so that what is found depends on the state alone and not on the way there.
+        """
         from dolfinx import fem
 
         eq = self.equilibrium
@@ -103,20 +111,21 @@ class Stability:
         (seed.sub(0) if eq.mixed else seed).interpolate(rough)
         for bc in eq.bcs:
             bc.set(seed.x.array, alpha=0.0)
-        self.x, self.Mx, self.y = (self.M.createVecRight() for _ in range(3))
-        self.x.array_w[:] = seed.x.array[: eq.n]
+        self.seed = self.M.createVecRight()
+        self.seed.array_w[:] = seed.x.array[: eq.n]
         self.sense = self.M.createVecLeft()  # tells a mode from its opposite
-        self.M.mult(self.x, self.sense)
+        self.M.mult(self.seed, self.sense)
         self.reference = self.largest = self._guess = 0.0
+        self.modes: list[Any] = []
 
     # -- along a path -------------------------------------------------------------------------------------------------
 
     def wants(self, state: State) -> bool:
         """Whether the signature at this state needs a factorisation of its own."""
-        if self.unknowns <= ALWAYS or self.equilibrium.system.factorisations == 0:
+        if self.unknowns <= ALWAYS or not self.modes:
             return True
         try:
-            self._guess = self._estimate(state)
+            self._guess = self._corrected(state)
         except NoConvergence:
             return True
         return self._guess < NEAR * self.reference
@@ -125,49 +134,78 @@ class Stability:
         """Signature of the state that `wants` was asked of: of K as factorised there, or else with the excess known before."""
         if not exact:
             return Signature(excess, self._guess, exact=False)
-        lowest, excess = self._sweep(), self.excess()
-        self.reference = abs(lowest)
-        self.largest = max(self.largest, self.reference)
-        if excess and lowest > 0.0:
-            # The iteration finds what is nearest to zero; far past an instability that is no longer the lowest.
-            with contextlib.suppress(NoConvergence):
-                lowest = self._pairs(excess + 8)[0][0]
-        return Signature(excess, lowest)
+        return Signature(self.excess(), self.lowest())
 
-    def settle(self) -> None:
-        """Let the tracked mode converge at a state with no point before it; K is factorised there."""
-        for _ in range(3):
-            self._sweep()
+    def lowest(self) -> float:
+        """Lowest eigenvalue of K as it is factorised; nan if it was not found to within its tolerance."""
+        try:
+            value, self.modes = lowest(self.equilibrium.system.solve, self.M, self.seed, self.excess(), BLOCK)
+        except NoConvergence:
+            self.modes = []
+            return math.nan
+        self.reference = abs(value)
+        self.largest = max(self.largest, self.reference)
+        return value
+
+    def critical_lowest(self, state: State, excess: int) -> float:
+        """Lowest eigenvalue where K is singular in one mode more than ``excess`` negative ones; K may be factorised there.
+
+        Zero where none is negative; else that of K with its singular mode, which leaves the others as they are.
+        """
+        if not excess:
+            return 0.0
+        self.equilibrium.factorise(state)
+        reference, largest = self.reference, self.largest
+        value = self.lowest()
+        self.reference, self.largest = reference, largest
+        return 0.0 if abs(value) < SINGULAR * largest else value
 
     def excess(self) -> int:
         """Negative eigenvalues of the factorised K beyond those of a stable one."""
         return self.equilibrium.system.negatives() - self.constraints
 
-    def _sweep(self) -> float:
-        value = self._iterate(self.equilibrium.system.solve)
-        for _ in range(MOST_SWEEPS if self.unknowns <= ALWAYS else SWEEPS - 1):
-            before, value = value, self._iterate(self.equilibrium.system.solve)
-            if abs(value - before) <= SETTLED * abs(value):
+    def _corrected(self, state: State) -> float:
+        """Lowest eigenvalue of a state without a factorisation of its own, from the modes of the last one that has.
+
+        Davidson's method: Rayleigh's quotient is made stationary over those modes and corrections of the lowest, each the
+        residual times the kept K^-1. Its error is quadratic in the mode's.
+
+        Raises:
+            NoConvergence: The mode changes too much between the two states.
+        """
+        eq, M = self.equilibrium, self.M
+        eq.load(state)
+        basis: list[Any] = []
+        products: list[Any] = []
+        images: list[Any] = []
+        new, before = list(self.modes), np.empty(0)
+        A = C = np.empty((0, 0))
+        for _ in range(MOST_CORRECTIONS):
+            for x in new:
+                Kx, Mx = M.createVecLeft(), M.createVecLeft()
+                eq._multiply(x.array_r, Kx.array_w)
+                M.mult(x, Mx)
+                basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
+                A, C = _grown(A, Kx.mDot(basis)), _grown(C, Mx.mDot(basis))
+            values, vectors = scipy.linalg.eigh(A, C)
+            # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
+            likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
+            chosen = int(np.argmax(likeness))
+            value, before = float(values[chosen]), vectors[:, chosen]
+            shares = [float(share) for share in before]
+            residual, correction = M.createVecLeft(), M.createVecRight()
+            residual.maxpy(shares, products)
+            residual.maxpy([-value * share for share in shares], images)
+            eq.system.solve(residual, correction)
+            M.mult(correction, residual)
+            size = max(correction.dot(residual), 0.0) ** 0.5
+            if size <= CLOSE:
+                return value
+            if not math.isfinite(size):
                 break
-        return value
-
-    def _estimate(self, state: State) -> float:
-        eq = self.equilibrium
-
-        def solve(b: Any, x: Any) -> None:
-            x.array_w[:] = eq.response(state, b.array_r, LOOSE)
-
-        return self._iterate(solve)
-
-    def _iterate(self, solve: Any) -> float:
-        """One inverse iteration; Rayleigh's quotient of its result."""
-        self.M.mult(self.x, self.Mx)
-        self.Mx.scale(1 / self.x.dot(self.Mx) ** 0.5)
-        solve(self.Mx, self.y)
-        work = self.y.dot(self.Mx)
-        self.y.copy(self.x)
-        self.M.mult(self.x, self.Mx)
-        return float(work / self.x.dot(self.Mx))
+            correction.scale(1 / size)
+            new = [correction]
+        raise NoConvergence("the lowest mode changes too much without a factorisation")
 
     # -- at one state -------------------------------------------------------------------------------------------------
 
@@ -198,7 +236,7 @@ class Stability:
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
         solver.setDimensions(count, max(2 * count + 8, 16))
         solver.setTolerances(1e-10, 200)
-        solver.setInitialSpace([self.x])
+        solver.setInitialSpace([self.seed])
         try:
             solver.solve()
         except (PETSc.Error, SystemError) as error:  # SLEPc's own errors come as either
@@ -251,6 +289,12 @@ class Stability:
         if likeness < ALIKE:
             raise NoConvergence("its mode was lost between two states")
         return value, mode
+
+
+def _grown(square: Array, column: Array) -> Array:
+    """A symmetric matrix with one more column and row."""
+    column = np.asarray(column)
+    return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
 
 
 class Mode:

@@ -1,0 +1,135 @@
+"""The lowest eigenvalue of every state against dense eigenvalues, past one and two limit points and a bifurcation."""
+
+from __future__ import annotations
+
+import math
+import types
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+
+from geometries import HollowDisk
+from softmodels import stability
+from softmodels.equilibrium import NoConvergence
+from softmodels.lanczos import lowest
+from softmodels.materials import NeoHookean, Yeoh
+
+COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
+DISK = HollowDisk.variant("shadow", section="axisymmetric", **COARSE)
+TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, **COARSE)
+HARDENING = Yeoh(10e3, 20.0, 3.0, 0.495)
+SOFT = NeoHookean(30e3, 0.49)
+
+
+def dense(matrix):
+    rows, columns, values = matrix.getValuesCSR()
+    return scipy.sparse.csr_matrix((values, columns, rows)).toarray()
+
+
+def known_lowest(equations, state):
+    """The lowest eigenvalue of displacements alone, p eliminated, by LAPACK."""
+    equations.factorise(state)
+    K, M = dense(equations.K), dense(stability.Stability.of(equations).M)
+    p = np.ravel(equations.space.sub(1).collapse()[1])
+    free = np.setdiff1d(np.arange(len(K)), np.concatenate([p, *(bc.dof_indices()[0] for bc in equations.bcs)]))
+    coupling = K[np.ix_(p, free)]
+    A = K[np.ix_(free, free)] - coupling.T @ np.linalg.solve(K[np.ix_(p, p)], coupling)
+    return scipy.linalg.eigh(A, M[np.ix_(free, free)], eigvals_only=True, subset_by_index=[0, 0])[0]
+
+
+def checked(equations, points):
+    """Lowest eigenvalues of a path's points beside the known ones."""
+    found = [point.signature.lowest for point in points]
+    return np.array(found), np.array([known_lowest(equations, point.state) for point in points])
+
+
+@pytest.fixture(scope="module")
+def ballooned(bodies, equilibrium, solved):
+    """A balloon of a silicone that hardens late, past both its limit points, with its equations."""
+    equations = equilibrium(bodies.Sphere(inner=0.01, outer=0.011, through=1, along=6), Yeoh(10e3, 60.0, 3.0, 0.495))
+    _, points, _ = solved(equations, [60 * equations.rest().V], quantity="volume")
+    return equations, points
+
+
+def test_past_two_limit_points(ballooned):
+    """Measured: 1e-9."""
+    equations, points = ballooned
+    assert [point.limit for point in points].count(True) == 2
+    assert {point.signature.excess for point in points} == {0, 1}
+    found, wanted = checked(equations, [point for point in points if not point.limit])
+    assert found == pytest.approx(wanted, rel=1e-7, abs=1e-7)
+    assert all(point.signature.lowest == 0.0 for point in points if point.limit)
+
+
+def test_past_a_limit_point_of_a_disk(equilibrium, solved):
+    """There eigenvalues of both signs are alike in size, between which inverse iterations cannot choose in time."""
+    equations = equilibrium(DISK, SOFT)
+    goals = [volume * 1e-6 / equations.volume_unit for volume in (35.0, 40.0, 45.0)]
+    _, points, _ = solved(equations, goals, quantity="volume")
+    found, wanted = checked(equations, [point for point in points if point.requested])
+    assert (wanted < 0.0).all() and found == pytest.approx(wanted, rel=1e-7)
+
+
+def test_at_a_bifurcation_past_a_limit_point(equilibrium, solved):
+    """There the lowest eigenvalue is negative already, and another one is zero."""
+    equations = equilibrium(TWIN, HARDENING)
+    _, points, _ = solved(equations, [90e-6 / equations.volume_unit], quantity="volume")
+    found, wanted = checked(equations, [point for point in points if point.bifurcation] + points[-1:])
+    assert len(found) >= 2 and (found < -0.1).all()
+    assert found == pytest.approx(wanted, rel=1e-5)
+
+
+def test_where_the_tangent_is_not_factorised(equilibrium, solved, monkeypatch):
+    """The modes of the last factorisation lead there; measured: 1e-3 at most."""
+    monkeypatch.setattr(stability, "ALWAYS", 0)
+    equations = equilibrium(DISK, SOFT)
+    _, points, _ = solved(equations, [25e-6 / equations.volume_unit], quantity="volume", largest_step=0.2)
+    aside = [point for point in points if not point.signature.exact]
+    assert len(aside) > len(points) / 2
+    found, wanted = checked(equations, aside[::4])
+    assert found == pytest.approx(wanted, rel=2e-3)
+
+
+def test_it_does_not_depend_on_the_way_there(ballooned):
+    """A state asked of by itself, without those before it, has the same eigenvalue."""
+    equations, points = ballooned
+    watched = stability.Stability.of(equations)
+    watched.start()
+    for point in (points[-1], points[3]):
+        equations.factorise(point.state)
+        assert watched.lowest() == pytest.approx(point.signature.lowest, rel=1e-12)
+
+
+def test_a_section_and_a_wedge_agree_far_past_the_limit_point(equilibrium, solved):
+    """Measured: 0.2 % on these coarse cells. 2.5 times in between, before the residual was looked at."""
+    values = []
+    for options in ({"section": "axisymmetric"}, {"angle": 20.0}):
+        equations = equilibrium(HollowDisk.variant("shadow", **COARSE, **options), SOFT)
+        _, points, _ = solved(equations, [45e-6 / equations.volume_unit], quantity="volume")
+        values.append(points[-1].signature.lowest * equations.stress_unit)
+    assert values[0] < 0 and values[1] == pytest.approx(values[0], rel=0.01)
+
+
+def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
+    equations, points = ballooned
+    watched = stability.Stability.of(equations)
+    equations.factorise(points[-1].state)
+    monkeypatch.setattr("softmodels.lanczos.MOST_STEPS", 3)
+    assert math.isnan(watched.lowest())
+    # Nor is one taken where the matrix has fewer negative eigenvalues than it is said to have, or more.
+    monkeypatch.undo()
+    for negatives in (1, 3):
+        with pytest.raises(NoConvergence):
+            lowest(equations.system.solve, watched.M, watched.seed, negatives)
+
+
+def test_a_nan_has_the_next_point_factorised(ballooned, monkeypatch):
+    equations, points = ballooned
+    watched = stability.Stability.of(equations)
+    monkeypatch.setattr(stability, "ALWAYS", 0)
+    monkeypatch.setattr(stability, "lowest", lambda *words: (_ for _ in ()).throw(NoConvergence("")))
+    equations.factorise(points[-1].state)
+    assert math.isnan(watched.signature(exact=True).lowest)
+    assert watched.wants(types.SimpleNamespace(w=points[-1].state.w, P=points[-1].state.P))
