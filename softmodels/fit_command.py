@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import sys
 from collections.abc import Callable, Sequence
@@ -13,9 +14,12 @@ import click
 from geometries.options import QuantityType
 from measurement.output_place import status_of, trouble
 from measurement.units import UnitError, quantity
+from softmodels.believable import expected, hold_against, stretch_of
 from softmodels.commandline import fail
 from softmodels.contradiction import fitted_alone, own_file, told_apart
 from softmodels.fit_comparison import compare
+from softmodels.fit_files import name_of, retire, write_materials
+from softmodels.fit_problem import UnsoundError
 from softmodels.fit_report import Fitted, Report, as_json, as_text, material_toml, write_curves
 from softmodels.fitting import Fit, FitError, Prior
 from softmodels.law_choice import ALL, LawChoice
@@ -24,6 +28,7 @@ from softmodels.materials import LAWS
 from softmodels.outcomes import DONE, FAILED
 from softmodels.parallel import speaks
 from softmodels.progress import Progress
+from softmodels.soundness import NOTHING
 from softmodels.tensile import TensileCurve, TensileError
 from softmodels.tensile_fit import StressError, fit_law, largest_strain, on_yardstick, residuals_of, spread
 from softmodels.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
@@ -36,6 +41,9 @@ from softmodels.tensile_options import check_curves_given, read_curves, specimen
               help="Fit the largest deflections at the pressures, as the thesis did, in place of outlines.")  # fmt: skip
 @click.option("--free", multiple=True, metavar="NAME", help="With a case: free poisson, or a length such as membrane.")
 @click.option("--untrusted", is_flag=True, help="Take outlines that the measurement does not trust, too.")
+@click.option("--without", multiple=True, metavar="PHOTOGRAPH", help="Leave a photograph out, such as 4.jpg.")
+@click.option("--silicone", metavar="NAME", help="What the part was cast of, such as ecoflex-00-30: its known moduli show "
+              "pressures in a wrong unit. any: in no list.  [default: the case's material]")  # fmt: skip
 @click.option("--material", "laws", default="yeoh", show_default=True, metavar="LAW,...",
               help=f"Laws to compare: {', '.join(LAWS)}, ogden1 to ogden4, or all.")  # fmt: skip
 @click.option("--stretch", metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
@@ -83,12 +91,16 @@ def fit_material(**options: Any) -> None:
       python -m softmodels.disk --material results/fit/fitted.toml
 
     \b
-    Exit status: 0 done; 1 no law could be fitted soundly; 2 bad input.
+    Exit status: 0 done; 1 no law could be fitted soundly: the reason is reported, and what was found is in unsound.toml, not in
+    fitted.toml; 2 bad input.
     """
     if options["output"].exists() and not options["output"].is_dir():
         fail(f"the results cannot be written: {options['output']} is a file, not a folder")
     try:
         report = _report(options)
+    except UnsoundError as error:
+        _put_away(options["output"])
+        fail(str(error), FAILED)
     except (FitError, TensileError, UnitError) as error:
         fail(str(error))
     if speaks():
@@ -101,16 +113,34 @@ def fit_material(**options: Any) -> None:
         if report.apart:
             click.echo(f"softmodels: {report.apart.pairs[0].sentence}; {report.apart.spread}", err=True)
         if not options["quiet"]:
-            click.echo(f"written to {options['output']}; go on with --material {options['output'] / 'fitted.toml'}")
+            for text in report.chosen.judgement.notes:
+                click.echo(text)
+            click.echo(_closing(report, options["output"]))
     if speaks() and not report.chosen.sound:
         click.echo(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
     sys.exit(DONE if report.chosen.sound else FAILED)
 
 
+def _closing(report: Report, folder: Path) -> str:
+    file = folder / name_of(report.chosen)
+    if report.chosen.sound:
+        return f"written to {folder}; go on with --material {file}"
+    return (
+        f"written to {folder}; no fitted.toml, for the fit is not sound: {file} is for looking at, not for a simulation"
+    )
+
+
+def _put_away(folder: Path) -> None:
+    """Rename what an earlier fit has left, so that nobody takes it for this one's."""
+    if speaks():
+        with contextlib.suppress(OSError):
+            retire(folder)
+
+
 def _report(options: dict[str, Any]) -> Report:
     device = bool(options["files"])
-    if not device and (options["heights"] or options["free"] or options["untrusted"]):
-        raise FitError("--heights, --free and --untrusted are about a device; give its case file first")
+    if not device and (options["heights"] or options["free"] or options["untrusted"] or options["without"]):
+        raise FitError("--heights, --free, --untrusted and --without are about a device; give its case file first")
     check_curves_given(options if device else {**options, "tensile": True})
     if why := trouble(options["output"]):
         raise FitError(f"the folder {options['output']} cannot be written ({why})")
@@ -136,6 +166,7 @@ def _curve_report(
 ) -> Report:
     """Fit every law to all curves together, and to each alone where they contradict each other."""
     _check_names(choices, options)
+    known = expected(options["silicone"])
     changes = [changes_for(choice, options, alone=len(choices) == 1) for choice in choices]
     errors = "stated" if error.stated else "unknown"
     progress = Progress(len(choices), "laws", "", options["quiet"] or not speaks())
@@ -164,7 +195,10 @@ def _curve_report(
             progress.say(f"intervals of {choice.name}")
         profiles = {} if options["no_profiles"] else {p.name: ranked.fit.profile(p.name) for p in ranked.fit.free}
         material = choice.material(ranked.fit.values)
-        laws.append(Fitted(choice, ranked.fit, material, judge(material, strain), profiles))
+        judgement = NOTHING
+        if options["silicone"]:
+            judgement = hold_against(material, stretch_of(strain), known, judgement)
+        laws.append(Fitted(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
     report = Report(tuple(laws), comparison, tuple(curves), _how(options))
     chosen = report.chosen.choice
     own_changes = {name: change for name, change in changes[choices.index(chosen)].items() if name in chosen.names}
@@ -271,14 +305,12 @@ def read_prior(value: str, unit: str) -> dict[str, Prior]:
 def write(report: Report, folder: Path, draw: bool) -> None:
     """Write the material files, every number, the curves, the pictures and the page."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "fitted.toml").write_text(material_toml(report.chosen, report), encoding="utf-8")
-    for one in report.laws:
-        if len(report.laws) > 1:
-            (folder / f"fitted-{one.choice.name}.toml").write_text(material_toml(one, report), encoding="utf-8")
+    own: dict[str, str] = {}
     if report.apart:
         for curve, one in zip(report.apart.curves, report.apart.own, strict=True):
-            own = dataclasses.replace(report, curves=(curve,), apart=None)
-            (folder / own_file(report.apart, curve)).write_text(material_toml(one, own), encoding="utf-8")
+            alone = dataclasses.replace(report, curves=(curve,), apart=None)
+            own[own_file(report.apart, curve)] = material_toml(one, alone)
+    write_materials(report, folder, own)
     (folder / "fit.json").write_text(as_json(report), encoding="utf-8")
     write_curves(folder / "curves.csv", report.laws, report.curves)
     if draw:

@@ -159,6 +159,8 @@ td:first-child,th:first-child{{text-align:left}}img{{max-width:100%}}.w{{color:#
 def page(report: Report, images: dict[str, bytes]) -> str:
     """The report as one self-contained page."""
     parts = ["<h1>Fitted material</h1>", f"<p><b>{html.escape(report.verdict)}.</b></p>"]
+    if not report.chosen.sound:
+        parts.append(f"<p class=w><b>Not sound: {html.escape(report.chosen.warnings[0])}.</b></p>")
     parts.append(_list(report.apart.sentences, "w") if report.apart else "")
     parts.append(_list([*report.ranges, report.how]))
     if len(report.laws) > 1:
@@ -177,7 +179,8 @@ def page(report: Report, images: dict[str, bytes]) -> str:
             parts.append(_table(heads, [[*row, *[""] * (width - len(row))] for row in correlations]))
         parts.append(_table(("residuals", "rms", "mean", "largest", "keep together over"), residual_rows(one)))
         parts.append(_list(one.warnings, "w"))
-        parts.append(_list([text for text in (other_convention(one), *one.fit.unseen, *one.verdict.notes) if text]))
+        said = (other_convention(one), *one.judgement.notes, *one.fit.unseen, *one.verdict.notes)
+        parts.append(_list([text for text in said if text]))
         parts.append(_image(f"profiles-{one.choice.name}.png", images))
     return PAGE.format(body="\n".join(part for part in parts if part))
 

@@ -21,6 +21,10 @@ class FitError(ValueError):
     """A fit that cannot be made; the message is a sentence for the user."""
 
 
+class UnsoundError(FitError):
+    """Measurements that contradict each other so that no fit of them is of use; the message is a sentence for the user."""
+
+
 class CannotEvaluate(RuntimeError):
     """Raised by a source for parameter values that have no answer, such as a simulation that finds no equilibrium."""
 
@@ -52,6 +56,8 @@ class Parameter:
         prior: What is known beforehand.
         fixed: Keep it at ``start``.
         hidden: No one asks for its value: reports leave it out.
+        title: What reports call it; its name if empty.
+        answers: Bounds at which it may end, because the user or nature has set them.
     """
 
     name: str
@@ -62,6 +68,8 @@ class Parameter:
     prior: Prior | None = None
     fixed: bool = False
     hidden: bool = False
+    title: str = ""
+    answers: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.start):
@@ -70,6 +78,11 @@ class Parameter:
             raise FitError(f"{self.name}: the bounds {self.lower:g} and {self.upper:g} leave nothing between them")
         if not self.fixed and not self.lower <= self.start <= self.upper:
             raise FitError(f"{self.name} starts at {self.start:g}, outside its bounds {self.lower:g} to {self.upper:g}")
+
+    @property
+    def words(self) -> str:
+        """What reports call it."""
+        return self.title or self.name
 
     @property
     def logarithmic(self) -> bool:

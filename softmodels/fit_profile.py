@@ -76,7 +76,7 @@ def _worth(result: Fit, name: str) -> float:
     """Rise of the deviance that counts as 1: its curvature along the profile times the parameter's variance."""
     names = [p.name for p in result.free]
     slope = result.influence[1]
-    error = result.error(name)
+    error = result.reach(name) / result.quantile
     if not (math.isfinite(error) and error > 0.0):
         return result.dispersion * slope * result.count / result.independent
     inside = [i for i, q in enumerate(result.free) if q.name not in result.at_bounds]
@@ -93,8 +93,8 @@ def _side(result: Fit, p: Parameter, sign: float, count: int, worth: float, limi
     bound = p.upper if sign > 0 else p.lower
     if best == bound:
         return []
-    error = result.error(p.name)
-    reach = REACH * result.quantile * error if math.isfinite(error) and error > 0.0 else 0.5 * (abs(best) or p.scale)
+    whole = result.reach(p.name)
+    reach = REACH * whole if math.isfinite(whole) and whole > 0.0 else 0.5 * (abs(best) or p.scale)
     warm = dict(result.values)
     found: list[tuple[float, float]] = []
     held, step = best, reach / count

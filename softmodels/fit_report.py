@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import functools
 import json
 import math
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from softmodels.fit_result import Fit
 from softmodels.law_choice import LawChoice
 from softmodels.law_stability import Verdict
 from softmodels.materials import Material, Ogden
+from softmodels.soundness import NOTHING, Judgement, objections
 from softmodels.specimens import respond
 from softmodels.tensile import TensileCurve
 
@@ -36,6 +38,7 @@ class Fitted:
         material: With the fitted values.
         verdict: Its stability within the fitted range.
         profiles: By parameter; empty if none were asked for.
+        judgement: What speaks against it by what is known of the device and the bench.
     """
 
     choice: LawChoice
@@ -43,16 +46,25 @@ class Fitted:
     material: Material
     verdict: Verdict
     profiles: dict[str, Profile]
+    judgement: Judgement = NOTHING
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Everything that speaks against it."""
-        return (*self.fit.troubles, *self.verdict.flags, *(p.trouble for p in self.profiles.values() if p.trouble))
+        profiles = (p.trouble for p in self.profiles.values() if p.trouble)
+        found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
+        return tuple(dict.fromkeys(found))
+
+    @functools.cached_property
+    def objections(self) -> tuple[str, ...]:
+        """What forbids its use, whether or not it converged and is stable."""
+        own = objections(self.fit, lambda values: self.choice.material(values).shear_modulus_0)
+        return (*self.judgement.objections, *own)
 
     @property
     def sound(self) -> bool:
-        """Whether it converged and is stable within its range."""
-        return self.fit.converged and not self.verdict.flags
+        """Whether it converged, is stable within its range, and nothing forbids its use."""
+        return self.fit.converged and not self.verdict.flags and not self.objections
 
     def interval(self, name: str) -> tuple[float, float]:
         """95 % interval: the likelihood's where there is a profile, else the covariance's."""
@@ -102,7 +114,9 @@ class Report:
         preferred = self.comparison.preferred
         if self.chosen.fit is preferred:
             return self.comparison.sentence
-        reason = "is not stable within the range" if preferred.converged else "did not converge"
+        one = next(one for one in self.laws if one.fit is preferred)
+        reason = "is not stable within the range" if one.verdict.flags else "is not sound"
+        reason = reason if preferred.converged else "did not converge"
         ratio = {one.fit.label: one.ratio for one in self.comparison.ranked}
         times = ratio[self.chosen.fit.label] / ratio[preferred.label]
         return (
@@ -196,7 +210,7 @@ def as_text(report: Report) -> str:
         for name, rms, mean, largest, run in residual_rows(one):
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residuals keep together over {run}")
         lines += [f"  {text}" for text in (other_convention(one),) if text]
-        lines += [f"  warning: {text}" for text in one.warnings]
+        lines += [f"  {'not sound' if text in one.objections else 'warning'}: {text}" for text in one.warnings]
         lines += [f"  {text}" for text in (*one.fit.unseen, *one.verdict.notes)]
         lines.append("")
     if len(report.laws) > 1:
@@ -212,13 +226,16 @@ def material_toml(one: Fitted, report: Report) -> str:
     import tomli_w
 
     fit = one.fit
-    intervals = {p.name: [float(end) for end in one.interval(p.name)] for p in fit.free}
+    intervals = {p.name: [float(end) for end in one.interval(p.name)] for p in fit.free if not p.hidden}
+    hidden = {p.name for p in fit.parameters if p.hidden}
     about: dict[str, Any] = {
         "range": report.ranges,
         "how": report.how,
-        "values": {name: float(value) for name, value in fit.values.items()},
+        "sound": one.sound,
+        "values": {name: float(value) for name, value in fit.values.items() if name not in hidden},
         "intervals_95": intervals,
         "warnings": [*one.warnings],
+        "corrections": [*one.judgement.notes],
         "unseen": [*fit.unseen],
         "stability": [*one.verdict.notes],
     }
@@ -245,6 +262,7 @@ def as_json(report: Report) -> str:
 
 def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
     fit = one.fit
+    shown = [i for i, p in enumerate(fit.free) if not p.hidden]
     ranked = next(r for r in report.comparison.ranked if r.fit is fit)
     return {
         "law": one.choice.name,
@@ -257,10 +275,18 @@ def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
                 "start": p.start, "bounds": [_finite(p.lower), _finite(p.upper)],
                 "prior": dataclasses.asdict(p.prior) if p.prior else None,
             }
-            for p in fit.parameters
+            for p in fit.parameters if not p.hidden
         ],
-        "covariance": [[_finite(v) for v in row] for row in fit.covariance],
-        "correlations": [[_finite(v) for v in row] for row in fit.correlations],
+        "hidden": [
+            {
+                "name": p.words, "unit": p.unit, "value": fit.values[p.name],
+                "standard_error": _finite(fit.error(p.name)),
+            }
+            for p in fit.parameters if p.hidden
+        ],
+        "free": [fit.free[i].name for i in shown],
+        "covariance": [[_finite(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
+        "correlations": [[_finite(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
         "singular_values": fit.singular_values[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {
@@ -270,6 +296,7 @@ def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
         "deviance": fit.deviance, "scatter": fit.scatter, "independent": fit.independent, "loss": fit.loss,
         "errors": fit.errors, "evaluations": fit.evaluations, "aicc": fit.aicc, "bic": fit.bic,
         "aicc_behind": ranked.aicc, "bic_behind": ranked.bic, "misfit_ratio": ranked.ratio,
+        "sound": one.sound, "objections": list(one.objections), "corrections": list(one.judgement.notes),
         "converged": fit.converged, "warnings": list(one.warnings), "unseen": list(fit.unseen),
         "stability": list(one.verdict.notes),
     }  # fmt: skip

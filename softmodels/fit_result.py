@@ -85,6 +85,8 @@ class Fit:
         starts: Where each start ended.
         problem: What `profile` solves again.
         troubles: Sentences on what speaks against the fit; none if it ended well.
+        shared: Change of each measured residual by one standard error of each thing that all of them have in common and that
+            no parameter stands for, shape (count, k); None for none.
     """
 
     label: str
@@ -100,6 +102,7 @@ class Fit:
     starts: tuple[StartResult, ...]
     problem: Problem
     troubles: tuple[str, ...]
+    shared: Array | None = None
 
     @property
     def free(self) -> list[Parameter]:
@@ -171,7 +174,17 @@ class Fit:
         full = np.full((len(self.free), len(self.free)), np.nan)
         if inside:
             full[np.ix_(inside, inside)] = self._sandwich(self.jacobian[:, inside])
-        return full
+        return full + self.considered
+
+    @functools.cached_property
+    def considered(self) -> Array:
+        """The part of the covariance that `shared` errors make, shape (m, m)."""
+        if self.shared is None:
+            return np.zeros((len(self.free), len(self.free)))
+        inside = [p.name not in self.at_bounds for p in self.free]
+        J = self.jacobian[: self.count] * inside
+        moved = np.linalg.pinv(J, rcond=BLIND) @ self.shared
+        return np.asarray(moved @ moved.T)
 
     def _sandwich(self, J: Array) -> Array:
         size = np.linalg.norm(J, axis=0)
@@ -242,8 +255,17 @@ class Fit:
 
     def interval(self, name: str) -> tuple[float, float]:
         """95 % interval of a parameter from the covariance, in its unit; nan at a bound (see `profile`)."""
-        reach = self.quantile * self.error(name)
+        reach = self.reach(name)
         return self.values[name] - reach, self.values[name] + reach
+
+    def reach(self, name: str) -> float:
+        """Half of a parameter's 95 % interval: the scatter counts by Student's quantile, what is considered by the normal."""
+        names = [p.name for p in self.free]
+        if name not in names:
+            return 0.0
+        considered = float(self.considered[names.index(name)][names.index(name)])
+        own = max(self.error(name) ** 2 - considered, 0.0) if math.isfinite(self.error(name)) else self.error(name)
+        return math.sqrt(self.quantile**2 * own + norm.ppf((1 + LEVEL) / 2) ** 2 * considered)
 
     @functools.cached_property
     def correlations(self) -> Array:

@@ -44,8 +44,8 @@ def unseen(fit: Fit) -> tuple[str, ...]:
             continue
         room, against = _allowed(p, fit.values[p.name])
         if not fit.quantile * _data_error(fit, p) < room:
-            rests = f"{p.name} rests on its prior: without it, its interval would be wider"
-            said.append(rests if p.prior else f"the data do not see {p.name}: its interval is wider than {against}")
+            rests = f"{p.words} rests on its prior: without it, its interval would be wider"
+            said.append(rests if p.prior else f"the data do not see {p.words}: its interval is wider than {against}")
     R = fit.correlations
     for i, a in enumerate(fit.free):
         for j in range(i):
@@ -54,7 +54,7 @@ def unseen(fit: Fit) -> tuple[str, ...]:
                 said.append(f"the data see {both} only together (correlation {R[i, j]:.3f})")
     values, vectors = fit.singular_values
     if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= BLIND * max(values[0], 1e-300):
-        mixed = [p.name for p, share in zip(fit.free, vectors[-1], strict=True) if abs(share) > 0.1]
+        mixed = [p.words for p, share in zip(fit.free, vectors[-1], strict=True) if abs(share) > 0.1]
         said.append(f"the data do not see one combination of {', '.join(mixed)} at all")
     return tuple(said)
 

@@ -105,7 +105,8 @@ def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, l
             f"the fit stopped where a further step would still move it by {step:.2g} standard errors; "
             "its values are not to be trusted"
         )
-    troubles += [f"{name} ended at its bound {bound:.4g}" for name, bound in result.at_bounds.items()]
+    ends = [(p, result.at_bounds[p.name]) for p in result.free if p.name in result.at_bounds]
+    troubles += [f"{p.words} ended at its bound {bound:.4g} {p.unit}".rstrip() for p, bound in ends]
     troubles += _disagreement(runs, result)
     return dataclasses.replace(result, troubles=tuple(troubles))
 
@@ -121,7 +122,7 @@ def _disagreement(runs: list[StartResult], result: Fit) -> list[str]:
         if math.isfinite(run.deviance) and run.deviance - result.deviance <= likely and _apart(run, result)
     ]
     if rivals:
-        other = ", ".join(f"{p.name} {rivals[0].values[p.name]:.4g}" for p in result.free)
+        other = ", ".join(f"{p.name} {rivals[0].values[p.name]:.4g}" for p in result.free if not p.hidden)
         said.append(
             f"{len(rivals)} of {len(runs)} starts ended in another minimum that fits nearly as well ({other}): "
             "the data do not decide between them"

@@ -11,24 +11,30 @@ from typing import Any
 
 from geometries import GeometryError, MeshingError
 from measurement.units import UnitError, quantity
+from softmodels.believable import caution, expected, hold_against, stretch_of
 from softmodels.case import Case, CaseError
 from softmodels.contradiction import contradictions
 from softmodels.fit_comparison import compare
 from softmodels.fit_problem import FitError
 from softmodels.fit_report import Fitted, Report
 from softmodels.fit_result import Fit
-from softmodels.height_fit import HeightResiduals, check_heights, fit_heights, read_heights
+from softmodels.height_fit import check_heights, read_heights
 from softmodels.inflation import Inflation
 from softmodels.law_choice import ALL, LawChoice
 from softmodels.law_stability import judge
 from softmodels.outline_data import OutlineFitError, Shape, prepare, read_outlines
-from softmodels.outline_fit import BENCH, Bench, Fitting, OutlineResiduals, fit_outlines, fits_badly, misfits
+from softmodels.outline_fit import BENCH, Bench, Fitting, OutlineResiduals
+from softmodels.outline_trials import Trial, try_heights, try_outlines
 from softmodels.parallel import abort_on_error, on_root, start
 from softmodels.tensile import TensileCurve
 from softmodels.tensile_fit import residuals_of
 
 PROFILE_POINTS = 6
 """Values at which a parameter is held for its profile: each is a fit of its own."""
+HEIGHTS_ALONE = (
+    "heights alone cannot tell a leak, an offset or a unit of the pressures, a unit of length or the zero plane from the "
+    "silicone: nothing of it is corrected, and the intervals are widened by what is believable of each; whole outlines see more"
+)
 UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
 """Units of what is not a plain number; lengths of the device have m."""
 
@@ -75,43 +81,43 @@ def device_report(
 
     Raises:
         FitError: Bad input, or no law could be fitted.
+        UnsoundError: The measurements contradict each other.
     """
     case, outlines, heights = _read(options)
+    known = expected(options["silicone"], case.material)
     changes = device_changes(options, (*BENCH, "poisson", *case.actuator.variable))
     comm = start()
     abort_on_error(comm)
-    fitted: list[Fit] = []
-    sources: dict[str, Any] = {}
-    notes: list[str] = []
+    notes = [text for text in (caution(known), HEIGHTS_ALONE if outlines is None else "") if text]
+    notes += [f"{name} is left out, as --without says" for name in options["without"]]
     against = [pair.sentence for pair in contradictions(curves, options["gauge"])]
-    strains: dict[str, float] = {}
+    trials: dict[str, Trial] = {}
     for choice in choices:
         device = _device(case, choice, comm)
-        width = device.silhouette.width
         loss = "soft_l1" if options["robust"] else "linear"
         mine = {name: change for name, change in changes.items() if name not in _law_names() or name in choice.names}
-        source: Any
         if outlines is not None:
-            shapes, notes = prepare(outlines, case.actuator, width)
-            source = OutlineResiduals(device, shapes)
-            more, gauges = residuals_of(curves, choice, options["stress"], options["gauge"])
-            fit = fit_outlines(source, bench(options), more=more, others=gauges, changes=mine, loss=loss)
-            fit = dataclasses.replace(fit, troubles=(*fit.troubles, *_badly(source, fit)))
+            shapes, more = prepare(outlines, case.actuator, device.silhouette.width)
+            notes += [note for note in more if note not in notes]
+            others = residuals_of(curves, choice, options["stress"], options["gauge"])
+            trials[choice.name] = try_outlines(device, shapes, bench(options), others, mine, loss)
         else:
             assert heights is not None
-            source = HeightResiduals(device, check_heights(heights, width))
-            fit = fit_heights(source, changes=mine, loss=loss)
-        fitted.append(fit)
-        sources[choice.name] = source
-        strains[choice.name] = _strain(source, fit)
-    comparison = compare(fitted)
+            trials[choice.name] = try_heights(device, check_heights(heights, device.silhouette.width), mine, loss)
+    comparison = compare([trial.fit for trial in trials.values()])
     laws = []
     for ranked in comparison.ranked:
-        choice = next(c for c in choices if c.name == ranked.fit.label)
+        trial = trials[ranked.fit.label]
+        choice, strain = trial.source.inflation.choice, _strain(trial.source, trial.fit)
+        material = trial.source.inflation.material(ranked.fit.values)
+        judgement = hold_against(material, stretch_of(strain), known, trial.judgement)
+        one = Fitted(choice, ranked.fit, material, judge(material, strain), {}, judgement)
         wanted = [p.name for p in ranked.fit.free if p.name in (*choice.names, "poisson")]
-        profiles = {} if options["no_profiles"] else {n: ranked.fit.profile(n, PROFILE_POINTS) for n in wanted}
-        material = sources[choice.name].inflation.material(ranked.fit.values)
-        laws.append(Fitted(choice, ranked.fit, material, judge(material, strains[choice.name]), profiles))
+        if one.sound and not options["no_profiles"]:
+            profiles = {name: ranked.fit.profile(name, PROFILE_POINTS) for name in wanted}
+            one = dataclasses.replace(one, profiles=profiles)
+        laws.append(one)
+    sources = {name: trial.source for name, trial in trials.items()}
     device_text = f"{case.name}: {type(case.actuator).__name__}, {_measured(outlines, sources)}"
     # Solved again where a profile was the last to be asked for, by all ranks together.
     fittings = {
@@ -139,10 +145,10 @@ def _read(options: dict[str, Any]) -> tuple[Case, Any, Any]:
             raise OutlineFitError(
                 "heights alone have no errors to weigh tensile curves with; give outlines, or fit them apart"
             )
-        return case, None, read_heights(options["heights"], options["untrusted"])
+        return case, None, read_heights(options["heights"], options["untrusted"], options["without"])
     if not files:
         raise OutlineFitError(f"{file} says what was inflated; give its outlines too, or --heights heights.csv")
-    return case, read_outlines(files, options["untrusted"]), None
+    return case, read_outlines(files, options["untrusted"], options["without"]), None
 
 
 def as_section(actuator: Any) -> Any:
@@ -220,14 +226,6 @@ def _device(case: Case, choice: LawChoice, comm: Any) -> Inflation:
         on_root(comm, lambda: shutil.rmtree(folder, ignore_errors=True))
 
 
-def _badly(source: OutlineResiduals, fit: Fit) -> list[str]:
-    found = {name: pair for name, pair in misfits(source, fit.residuals).items() if fits_badly(*pair)}
-    return [
-        f"{name}: the law cannot follow it (chi squared {chi2:.0f} of {count} values)"
-        for name, (chi2, count) in found.items()
-    ]
-
-
 def _strain(source: Any, fit: Fit) -> float:
     """Largest I1 - 3 of the device in the state of the largest deflection."""
     from softmodels.fields import Fields
@@ -255,7 +253,10 @@ def _measured(outlines: Any, sources: dict[str, Any]) -> str:
 
 def _how(options: dict[str, Any], whole: bool) -> str:
     if not whole:
-        return "mean square deviation of the largest deflections at the readings as they are, errors from the scatter"
+        return (
+            "mean square deviation of the largest deflections at the readings as they are, errors from the scatter and from "
+            "what the bench may get wrong"
+        )
     robust = ", outliers counted by their size" if options["robust"] else ""
     free = ", ".join(bench(options).free)
     return f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free or 'nothing'}"

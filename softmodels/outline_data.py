@@ -18,6 +18,7 @@ import numpy.typing as npt
 from geometries import Actuator
 from measurement.outline import Outline, OutlineError
 from measurement.smoothing import SPAN
+from measurement.units import pascal_per_cm
 from softmodels.fit_problem import FitError
 from softmodels.fit_result import autocorrelation_time
 
@@ -77,6 +78,11 @@ class Shape:
     height: float
     centre: float
 
+    @property
+    def name(self) -> str:
+        """What the photograph is called in sentences."""
+        return f"{self.pressure / pascal_per_cm():.4g} cm of water ({self.source})"
+
     def mean(self, values: Array) -> Array:
         """Means over the bins of values (k, ...) divided by the points' errors, as residuals of variance 1."""
         count = len(self.weight)
@@ -87,8 +93,13 @@ class Shape:
         return sums * factor.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def read_outlines(files: Sequence[Path], untrusted: bool = False) -> list[Outline]:
+def read_outlines(files: Sequence[Path], untrusted: bool = False, without: Sequence[str] = ()) -> list[Outline]:
     """Read outlines' files; folders stand for all outlines in them.
+
+    Args:
+        files: Files and folders.
+        untrusted: Take outlines that the measurement does not trust.
+        without: Names of photographs or files to leave out.
 
     Raises:
         OutlineFitError: No file, one that is no outline, or one that is not trusted, unless ``untrusted`` allows it.
@@ -107,6 +118,8 @@ def read_outlines(files: Sequence[Path], untrusted: bool = False) -> list[Outlin
             outlines.append(Outline.from_csv(name))
         except OutlineError as error:
             raise OutlineFitError(str(error)) from None
+    keep = kept([(outline.source, name) for name, outline in zip(names, outlines, strict=True)], without)
+    names, outlines = [names[i] for i in keep], [outlines[i] for i in keep]
     doubted = [(name, outline) for name, outline in zip(names, outlines, strict=True) if not outline.trusted]
     if doubted and not untrusted:
         name, outline = doubted[0]
@@ -115,6 +128,31 @@ def read_outlines(files: Sequence[Path], untrusted: bool = False) -> list[Outlin
             f"{name} is not to be trusted ({'; '.join(outline.reasons)}){more}; leave it out, or take it with --untrusted"
         )
     return outlines
+
+
+def kept(rows: Sequence[tuple[str, Path | None]], without: Sequence[str]) -> list[int]:
+    """Which rows, photographs with their files, are not left out by name.
+
+    Raises:
+        OutlineFitError: A name that is none of them, or nothing is left.
+    """
+    left = {}
+    for name in without:
+        found = [
+            i for i, (source, file) in enumerate(rows) if name in (source, Path(source).stem, str(file), *_names(file))
+        ]
+        if not found:
+            known = ", ".join(source for source, _ in rows)
+            raise OutlineFitError(f"--without {name}: there is no such photograph; there are {known}")
+        left.update(dict.fromkeys(found))
+    keep = [i for i in range(len(rows)) if i not in left]
+    if rows and not keep:
+        raise OutlineFitError("--without leaves nothing to fit to")
+    return keep
+
+
+def _names(file: Path | None) -> tuple[str, ...]:
+    return (file.name, file.stem) if file else ()
 
 
 def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tuple[list[Shape], list[str]]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,8 @@ PRESSURE_SCALE_ERROR = DENSITY_ERROR / WATER_DENSITY
 """Prior of the unit of pressure: a column's density is one number for all readings."""
 LENGTH_ERROR = 0.02
 """Prior of a length of the device, relative, where it is freed."""
+UNHEARD = 1e6
+"""Factor on the error of a pressure that does not count."""
 READINGS = "pressures"
 """Label of the group of residuals that hold the pressures."""
 POISSON_BOUNDS = (0.3, 0.5)
@@ -225,7 +227,7 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
         "scale": Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, SCALE_ERROR)),
         "zero": Parameter("zero", "m", 0.0, -width, width, Prior(0.0, ZERO_ERROR)),
         "centre": Parameter("centre", "m", centre, centre - width, centre + width),
-        "poisson": Parameter("poisson", "", inflation.choice.poisson, *POISSON_BOUNDS),
+        "poisson": Parameter("poisson", "", inflation.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
         **{
             name: Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
             for name, value in inflation.lengths.items()
@@ -237,8 +239,8 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
 def volume_parameters(source: OutlineResiduals, volumes: Sequence[float] | Array) -> list[Parameter]:
     """The hidden added volumes with a start for each, m3."""
     return [
-        Parameter(name, "m^3", start, 0.05 * start, 4.0 * start, hidden=True)
-        for name, start in zip(source.volumes, volumes, strict=True)
+        Parameter(name, "m^3", start, 0.05 * start, 4.0 * start, hidden=True, title=f"the added volume at {shape.name}")
+        for name, start, shape in zip(source.volumes, volumes, source.shapes, strict=True)
     ]
 
 
@@ -265,6 +267,7 @@ def fit_outlines(
     others: Sequence[Parameter] = (),
     changes: Mapping[str, Mapping[str, Any]] | None = None,
     loss: str = "linear",
+    doubted: Collection[str] = (),
 ) -> Fit:
     """Fit a law to outlines from starts in closed form.
 
@@ -275,6 +278,7 @@ def fit_outlines(
         others: Parameters of those.
         changes: Fields of `Parameter` to replace, by name.
         loss: See `softmodels.fitting.fit`.
+        doubted: Names of photographs whose pressures do not count where the fit starts.
 
     Raises:
         FitError: See `softmodels.fitting.fit`; or a change names no parameter.
@@ -286,7 +290,10 @@ def fit_outlines(
     for name in changes:
         if name not in names:
             raise FitError(f"there is no parameter {name!r}; known are {', '.join(sorted(names))}")
-    measured = [(shape.height, shape.pressure, shape.pressure_error) for shape in source.shapes]
+    measured = [
+        (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
+        for shape in source.shapes
+    ]
     begins, volumes = starts(source.inflation, *np.array(measured).T)
     troubles = []
     for begin in begins:

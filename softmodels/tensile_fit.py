@@ -249,4 +249,5 @@ def changed(parameter: Parameter, change: Mapping[str, Any]) -> Parameter:
     new = {**{f.name: getattr(parameter, f.name) for f in dataclasses.fields(parameter)}, **change}
     if not new["fixed"] and not new["lower"] <= new["start"] <= new["upper"]:
         new["start"] = min(max(new["start"], new["lower"]), new["upper"])
+    new["answers"] = (*new["answers"], *(change[end] for end in ("lower", "upper") if end in change))
     return Parameter(**new)

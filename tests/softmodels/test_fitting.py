@@ -155,7 +155,7 @@ def test_nearly_the_same_is_seen_only_together():
 def test_a_bound_that_holds_the_fit_is_told():
     found = fit([Curve(line, ("a", "b"), 2 + 3 * X, 0.1)], [*free("a"), *free("b", upper=2.0)])
     assert found.values["b"] == pytest.approx(2.0)
-    assert found.troubles == ("b ended at its bound 2",)
+    assert found.troubles == ("b ended at its bound 2 mm",)
     assert np.isnan(found.error("b")) and np.isfinite(found.error("a"))
 
 

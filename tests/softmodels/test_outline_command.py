@@ -104,7 +104,7 @@ def test_files_that_cannot_be_read(case, tmp_path):
         ((tmp_path / "no.toml", tmp_path), "cannot be read"),
         ((case,), "give its outlines too"),
         ((case, tmp_path / "empty"), "holds no outlines"),
-        ((case, tmp_path / "holes.csv"), "not finite"),
+        ((case, tmp_path / "holes.csv"), "not a finite number"),
         ((case, "--heights", tmp_path / "no.csv"), "cannot be read"),
         (("--free", "poisson"), "give its case file first"),
     ):
@@ -124,6 +124,98 @@ def test_heights_with_mistakes(case, tmp_path):
         (tmp_path / "heights.csv").write_text(head + row + "\n")
         done = fit(case, "--heights", tmp_path / "heights.csv")
         assert done.exit_code == 2 and said in done.stderr, done.output
+
+
+TRUE = {"c1": 14e3, "c2": 600.0, "c3": 0.0}
+WORDS = ("--fix", "c3=0Pa", "--poisson", "0.49", "--no-profiles", "--no-pictures")
+
+
+@pytest.fixture(scope="module")
+def measured(comm, tmp_path_factory):
+    """Seven outlines of the case's device, of a known material."""
+    from softmodels.body import Body
+    from softmodels.equilibrium import Equilibrium
+    from softmodels.inflation import Inflation
+
+    disk = dataclasses.replace(DISK, section="axisymmetric")
+    choice = LawChoice.from_text("yeoh", 0.49)
+    body = Body.from_file(disk, disk.write(tmp_path_factory.mktemp("mesh") / "disk.msh"), comm)
+    device = Inflation(Equilibrium(body, choice.material(TRUE)), choice)
+    pressures, rng = np.linspace(2e3, 16e3, 7), np.random.default_rng(2)
+    made = simulated_outlines(device, TRUE, pressures, Camera(bench={"centre": 1e-3}), rng=rng)
+    return [dataclasses.replace(one, source=f"{i}.jpg") for i, one in enumerate(made)]
+
+
+def pressed(outlines, i, by):
+    return [dataclasses.replace(o, pressure=by(o.pressure)) if k == i else o for k, o in enumerate(outlines)]
+
+
+def told(outlines):
+    rows = ["file,pressure_Pa,pressure_error_Pa,height_m,height_error_m,trusted,remarks"]
+    return "\n".join(
+        [*rows, *(f"{o.source},{o.pressure},{o.pressure_error},{o.height},{o.height_error},yes," for o in outlines)]
+    )
+
+
+def test_outlines_of_another_device_end_badly(measured, outlines, tmp_path):
+    """The fit that gave a chi squared of millions and a material file; an earlier fit's file is put away too."""
+    file, output = tmp_path / "other.toml", tmp_path / "fit"
+    other = dataclasses.replace(DISK, cavity_radius=0.016)
+    file.write_text(Case("disk", other, Yeoh(14e3, 600.0), pressures_cm=(0.0, 100.0)).to_toml())
+    output.mkdir()
+    (output / "fitted.toml").write_text('[material]\nlaw = "yeoh"\n[fit]\n')
+    (output / "fitted-mine.toml").write_text("my own notes")
+    done = fit(file, outlines(*measured), *WORDS, "-o", output)
+    assert done.exit_code == 1, done.output
+    assert "of another device" in done.stderr and "mm wide at half its height" in done.stderr
+    assert sorted(path.name for path in output.iterdir()) == ["earlier-fitted.toml", "fitted-mine.toml"]
+
+
+def test_a_wrong_row_is_named_and_can_be_left_out(measured, case, outlines, tmp_path):
+    folder, output = outlines(*pressed(measured, 4, lambda p: 10 * p)), tmp_path / "fit"
+    done = fit(case, folder, *WORDS, "-o", output)
+    assert done.exit_code == 1, done.output
+    assert "4.jpg contradicts the others" in done.stderr and "--without 4.jpg" in done.stderr
+    assert "volume" not in done.output.replace("added volume at", "")
+    assert (output / "unsound.toml").is_file() and not (output / "fitted.toml").exists()
+    done = fit(case, folder, *WORDS, "-o", output, "--without", "4.jpg")
+    assert done.exit_code == 0, done.output
+    assert (output / "fitted.toml").is_file() and not (output / "unsound.toml").exists()
+    low, high = tomllib.loads((output / "fitted.toml").read_text())["fit"]["intervals_95"]["c1"]
+    assert low < TRUE["c1"] < high
+    assert fit(case, folder, "--without", "40.jpg").exit_code == 2
+
+
+def test_a_slightly_wrong_row_is_named_by_the_fit(measured, case, outlines, tmp_path):
+    done = fit(case, outlines(*pressed(measured, 3, lambda p: 1.03 * p)), *WORDS, "-o", tmp_path / "fit")
+    assert done.exit_code == 1 and "3.jpg" in done.stderr and "--without 3.jpg" in done.stderr, done.output
+    assert not (tmp_path / "fit" / "fitted.toml").exists()
+
+
+def test_a_wrong_unit_of_all_pressures_is_none_of_the_silicone(measured, case, outlines, tmp_path):
+    folder = outlines(*(dataclasses.replace(o, pressure=o.pressure / 2) for o in measured))
+    done = fit(case, folder, *WORDS, "-o", tmp_path / "fit", "--silicone", "ecoflex-00-30")
+    assert done.exit_code == 1 and "one tube alone" in done.stderr, done.output
+    assert not (tmp_path / "fit" / "fitted.toml").exists()
+
+
+def test_corrections_are_reported(measured, case, outlines, tmp_path):
+    folder = outlines(*(dataclasses.replace(o, x=1.1 * o.x, z=1.1 * o.z - 2e-4) for o in measured))
+    done = fit(case, folder, *WORDS, "-o", tmp_path / "fit")
+    assert done.exit_code == 0, done.output
+    closing = done.output.split("only law fitted")[1]
+    assert "all lengths in the photographs too large by" in closing and "it has sunk" in closing
+
+
+def test_heights_name_their_wrong_row_and_what_they_cannot_tell(measured, case, tmp_path):
+    file = tmp_path / "heights.csv"
+    for i, by, status, said in ((4, lambda p: p / 2, 1, "4.jpg contradicts"), (2, lambda p: -p, 2, "2.jpg rises")):
+        file.write_text(told(pressed(measured, i, by)))
+        done = fit(case, "--heights", file, *WORDS, "-o", tmp_path / "fit")
+        assert done.exit_code == status and said in done.stderr, done.output
+    file.write_text(told(measured))
+    done = fit(case, "--heights", file, *WORDS, "-o", tmp_path / "fit")
+    assert done.exit_code == 0 and "heights alone cannot tell a leak" in done.output
 
 
 def test_a_whole_fit(case, outlines, comm, tmp_path):

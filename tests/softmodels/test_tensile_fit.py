@@ -148,7 +148,7 @@ def test_changes():
     fixed = fitted("yeoh", curves, changes={"c3": {"start": 0.0, "fixed": True}})
     assert fixed.values["c3"] == 0.0 and [p.name for p in fixed.free] == ["c1", "c2"] and fixed.error("c3") == 0.0
     bound = fitted("yeoh", curves, changes={"c2": {"upper": 50.0}})
-    assert bound.values["c2"] == pytest.approx(50.0) and "c2 ended at its bound 50" in bound.troubles
+    assert bound.values["c2"] == pytest.approx(50.0) and "c2 ended at its bound 50 Pa" in bound.troubles
     prior = fitted("yeoh", curves, changes={"c1": {"prior": Prior(9e3, 0.1)}})
     assert prior.values["c1"] == pytest.approx(9e3, rel=1e-2)
     with pytest.raises(FitError, match="yeoh has no parameter 'mu'"):

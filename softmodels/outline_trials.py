@@ -1,0 +1,108 @@
+"""One law tried on a device's outlines or heights: its fit, and whether that may be used."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from softmodels.fit_problem import CannotEvaluate, FitError, Parameter, Residuals, UnsoundError
+from softmodels.fit_result import Fit
+from softmodels.height_fit import Height, HeightResiduals, fit_heights
+from softmodels.inflation import Inflation
+from softmodels.outline_check import series_of, series_of_shapes
+from softmodels.outline_data import Shape
+from softmodels.outline_fit import Bench, OutlineResiduals, fit_outlines, nuisances
+from softmodels.outline_judgement import judge_heights, judge_outlines, within_chance
+from softmodels.soundness import Judgement
+from softmodels.wrong_rows import by_course
+
+Others = tuple[Sequence[Residuals], Sequence[Parameter]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trial:
+    """A law's fit.
+
+    Attributes:
+        source: What it was fitted to.
+        fit: The fit.
+        judgement: What speaks against it.
+    """
+
+    source: Any
+    fit: Fit
+    judgement: Judgement
+
+
+def try_outlines(
+    device: Inflation,
+    shapes: Sequence[Shape],
+    bench: Bench,
+    others: Others = ((), ()),
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    loss: str = "linear",
+) -> Trial:
+    """Fit a law to all outlines, and look for those that contradict the others where the fit is beyond chance.
+
+    Args:
+        device: The device under the law.
+        shapes: The outlines, prepared.
+        bench: What is free beside the law.
+        others: Further sources, such as tensile curves, and their parameters.
+        changes: See `fit_outlines`.
+        loss: See `fit_outlines`.
+
+    Raises:
+        UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
+        FitError: The fit fails.
+    """
+    nuisances(OutlineResiduals(device, shapes), bench)  # names that nothing has, before anything is solved
+    rows = series_of_shapes(device, shapes)
+    wrong = by_course(rows)
+    doubted = wrong.names if wrong else ()
+
+    def fitted(chosen: Sequence[Shape], doubted: Sequence[str] = ()) -> tuple[OutlineResiduals, Fit]:
+        source = OutlineResiduals(device, chosen)
+        found = fit_outlines(
+            source, bench, more=others[0], others=others[1], changes=changes, loss=loss, doubted=doubted
+        )
+        return source, found
+
+    def good(without: Sequence[str]) -> bool:
+        try:
+            return within_chance(*fitted([shape for shape in shapes if shape.source not in without]))
+        except (FitError, CannotEvaluate):
+            return False
+
+    try:
+        source, fit = fitted(shapes, doubted)
+    except FitError as error:
+        if wrong:
+            raise UnsoundError(f"{wrong.whole} (with all photographs: {error})") from None
+        raise
+    return Trial(source, fit, judge_outlines(source, fit, rows, good))
+
+
+def try_heights(
+    device: Inflation,
+    heights: Sequence[Height],
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    loss: str = "linear",
+) -> Trial:
+    """Fit a law to heights whose series has no row that contradicts the others.
+
+    Raises:
+        UnsoundError: It has.
+        FitError: The fit fails.
+    """
+    columns = [(one.height, one.pressure, one.pressure_error, one.height_error) for one in heights]
+    rows, _ = series_of(device, [one.source for one in heights], *np.array(columns).T)
+    wrong = by_course(rows)
+    if wrong:
+        raise UnsoundError(wrong.whole)
+    source = HeightResiduals(device, heights)
+    fit = fit_heights(source, changes=changes, loss=loss)
+    return Trial(source, fit, judge_heights(source, fit))
