@@ -21,6 +21,9 @@ import numpy.typing as npt
 from softmodels.controls import Control
 from softmodels.parallel import owns_scalars, scalars_from_owner
 
+OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
+"""MUMPS' INFOG(1) where it could not allocate, or where what it had allocated was too small (its guide, section 8)."""
+
 
 class Bordered:
     """PETSc contexts for the bordered matrix and its preconditioner.
@@ -93,9 +96,15 @@ class Bordered:
         return values[: self.n], scalars_from_owner(self.comm, np.array(values[self.n :]))
 
     def factorise(self) -> None:
-        """Factorise K as it is now."""
+        """Factorise K as it is now.
+
+        Raises:
+            MemoryError: On all ranks, if one has not enough. PETSc itself goes on with a preconditioner that is none.
+        """
         self._direct.setReusePreconditioner(False)
         self._direct.setUp()
+        if int(self._direct.getFactorMatrix().getMumpsInfog(1)) in OUT_OF_MEMORY:
+            raise MemoryError
         self._direct.setReusePreconditioner(True)
         self.factorisations += 1
         self.refresh()

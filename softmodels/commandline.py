@@ -20,6 +20,7 @@ from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, sheet_from
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import MaterialError
 from softmodels.obstacle import STIFFNESS, Obstacle, ObstacleError
+from softmodels.outcomes import FAILED, NO_MEMORY
 from softmodels.parallel import StartError, speaks
 from softmodels.series import SeriesError, series
 from softmodels.supply import SupplyError
@@ -175,7 +176,7 @@ def execute(
     try:
         status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch)
     except StartError as error:
-        fail(str(error))
+        fail(str(error), error.status)
     except ImportError as error:
         fail(f"{error}; the simulation needs FEniCSx (softmodels doctor tells what is missing)", 1)
     sys.exit(status)
@@ -212,6 +213,10 @@ def main(command: click.Command) -> None:
             command.main(standalone_mode=False)
         except (click.exceptions.Abort, KeyboardInterrupt):
             fail("stopped by the user", STOPPED)
+        except StartError as error:
+            fail(str(error), error.status)
+        except MemoryError:
+            fail(NO_MEMORY, FAILED)
         except click.exceptions.NoArgsIsHelpError as error:
             print(error.format_message())
             sys.exit(2)

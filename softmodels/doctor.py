@@ -74,6 +74,9 @@ def _dolfinx() -> str:
 
 
 def _petsc() -> str:
+    from softmodels.parallel import start
+
+    start()  # without shared memory an import would end the process
     from petsc4py import PETSc
 
     matrix = PETSc.Mat().createAIJ((1, 1), comm=PETSc.COMM_SELF)
@@ -89,6 +92,9 @@ def _petsc() -> str:
 
 
 def _mpi() -> str:
+    from softmodels.parallel import start
+
+    start()
     from mpi4py import MPI
 
     return MPI.Get_library_version().splitlines()[0].strip().rstrip("\0")

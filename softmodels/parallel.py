@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
+
+SHARED_MEMORY = Path("/dev/shm")
+"""Where MPICH keeps what its ranks share, even of one rank; it ends the process where it cannot."""
+LEAST_SHARED = 1 << 20
+"""Bytes that it takes at its start, and room to spare."""
 
 
 class StartError(RuntimeError):
-    """PETSc could not be started with the words given to it; the message is a sentence for the user."""
+    """MPI or PETSc could not be started; ``status`` is the exit status, the message a sentence for the user."""
+
+    def __init__(self, message: str, status: int = 2):
+        super().__init__(message)
+        self.status = status
 
 
 def start(petsc_options: Sequence[str] = ()) -> Any:
@@ -20,7 +32,7 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
         petsc_options: Words for PETSc's option database, read once, at the first call in a process.
 
     Raises:
-        StartError: PETSc cannot take the words.
+        StartError: PETSc cannot take the words, or there is no shared memory for MPI.
     """
     # More BLAS threads than cores slow MUMPS several times over; a user's own setting stands.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -28,6 +40,8 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "64")
     # The wheel from PyPI orders MPI ahead of everything compiled; with conda or in a container there is no such module.
+    if importlib.util.find_spec("dolfinx_solver"):
+        _check_shared_memory()  # importing it starts MPI
     with contextlib.suppress(ImportError):
         import dolfinx_solver  # noqa: F401
     import petsc4py
@@ -70,6 +84,19 @@ def _read_compilers_options() -> None:
 
     dolfinx.jit.get_options()
     ffcx.options.get_options()
+
+
+def _check_shared_memory() -> None:
+    """Ask for shared memory before the wheel's MPICH does."""
+    try:
+        with tempfile.TemporaryFile(dir=SHARED_MEMORY) as file:
+            os.posix_fallocate(file.fileno(), 0, LEAST_SHARED)
+    except OSError as error:
+        raise StartError(
+            f"MPI cannot start: it needs shared memory, and {SHARED_MEMORY} cannot be written ({error.strerror}); mount it "
+            "with write access (in a container: --shm-size=256m, and not --read-only without --tmpfs /dev/shm)",
+            1,
+        ) from None
 
 
 def petsc_reason(error: BaseException) -> str:

@@ -24,7 +24,7 @@ from softmodels.compiling import CompilingError, cache, compiling, wait_for_cach
 from softmodels.materials import MaterialError
 from softmodels.notes import notes_of
 from softmodels.obstacle import ObstacleError
-from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, NO_MEMORY, STOPPED, RunError
 from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, speaks, start
 from softmodels.progress import Progress
 from softmodels.results import Results, ResultsError, write_text
@@ -88,17 +88,16 @@ def run(
         )
         status, message = BAD_INPUT if words else FAILED, f"PETSc stopped ({petsc_reason(error)}); {advice}"
     except OSError as error:
-        reason = error.strerror or error
-        status, message = (
-            FAILED,
-            f"the results cannot be written ({reason}); make room for them and go on with --resume",
-        )
+        advice = "make room for them" if error.errno in FULL else "see that they can"
+        status, message = FAILED, f"{_unwritten(error)}; {advice} and go on with --resume"
     except MemoryError:
-        status, message = (
-            FAILED,
-            "the machine's memory is full; use a larger --cell-size, or a smaller slice of the device",
-        )
+        status, message = FAILED, NO_MEMORY
     return on_root(comm, lambda: close(case, results, status, message, quiet, draw))
+
+
+def _unwritten(error: OSError) -> str:
+    place = f" into {Path(error.filename).parent}" if isinstance(error.filename, str) else ""
+    return f"the results cannot be written{place} ({error.strerror or error})"
 
 
 @contextlib.contextmanager
