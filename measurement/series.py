@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from measurement import copies, scaling, settling
+from measurement import copies, scaling, settling, witness
 from measurement.outline import Outline
 from measurement.photo import Refusal, find_zero, outline_of
 from measurement.photo_list import Photograph
@@ -153,15 +153,22 @@ def judged(results: list[Result]) -> list[Result]:
     results = list(compared)
     outlines = {k: result.outcome for k, result in enumerate(results) if isinstance(result.outcome, Outline)}
     all_of_them = list(outlines.values())
-    witnesses = [judge(all_of_them) for judge in (settling.doubts, scaling.doubts)]
-    for (k, outline), off, *doubts in zip(outlines.items(), settling.unknown(all_of_them), *witnesses, strict=True):
-        against = tuple(doubt for doubt in doubts if doubt is not None)
-        if against or off:
-            compared[k] = dataclasses.replace(results[k], outcome=dataclasses.replace(
-                outline, error=np.hypot(outline.error, off), trusted=outline.trusted and not against,
-                reasons=(*outline.reasons, *against),
-            ))  # fmt: skip
+    against = [judge(all_of_them) for judge in (settling.doubts, scaling.doubts)]
+    for (k, outline), off, *doubts in zip(outlines.items(), settling.unknown(all_of_them), *against, strict=True):
+        outlines[k] = dataclasses.replace(outline, error=np.hypot(outline.error, off)) if off else outline
+        outlines[k] = _doubted(outlines[k], *doubts)
+    # Heights against pressures last: what is not trusted already is no witness.
+    for (k, outline), doubt in zip(outlines.items(), witness.doubts(list(outlines.values())), strict=True):
+        outlines[k] = _doubted(outline, doubt)
+    for k, outline in outlines.items():
+        if outline is not results[k].outcome:
+            compared[k] = dataclasses.replace(results[k], outcome=outline)
     return compared
+
+
+def _doubted(outline: Outline, *doubts: str | None) -> Outline:
+    reasons = tuple(doubt for doubt in doubts if doubt is not None)
+    return dataclasses.replace(outline, trusted=False, reasons=(*outline.reasons, *reasons)) if reasons else outline
 
 
 def _draw_again(result: Result, setup: Setup, zero: ZeroLine, tone: str, pictures: Path) -> None:
