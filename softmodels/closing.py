@@ -120,7 +120,9 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         )
         if told := stability_text(results.rows, case.actuator, branch_rows(results)):
             print(told)
-        pictures = f"; pictures (*.png), film.gif and report.html, in {took:.1f} s" if took is not None else ""
+        pictures = (
+            f"; pictures (*.png), film.gif, film.webp and report.html, in {took:.1f} s" if took is not None else ""
+        )
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status
 

@@ -89,12 +89,13 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
     normal = normal if normal @ viewer > 0 else -normal
     skin = states.skin
     place = _aside(skin.device(skin.points(states.points)), normal, place)
-    u, values = states.field(step, "displacement"), states.field(step, scale.field) * scale.factor
+    u, values = states.field(step, "displacement"), scale.share(states.field(step, scale.field))
     shell = surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != CUT))
     shell.point_data["displacement"] = skin.device(skin.points(u))
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
-    behind = shell.clip(normal=normal, origin=place)
-    style = {"scalars": "values", "cmap": scale.colours, "clim": (scale.low, scale.top), "smooth_shading": True}
+    # Images of the slice meet in their symmetry plane: one surface, so that no seam is shaded there.
+    behind = shell.clean(tolerance=1e-7).clip(normal=normal, origin=place)
+    style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
     found = [(_warped(behind), {**style, "split_sharp_edges": True, "feature_angle": SHARP})]
     pieces = []
     for image in skin.images:
@@ -106,7 +107,7 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
     if pieces:
         together = pieces[0].append_polydata(*pieces[1:]) if len(pieces) > 1 else pieces[0]
         face = _warped(together.clean(tolerance=1e-7, polys_to_lines=False, lines_to_points=False))
-        found.append((face, {**style, "smooth_shading": False}))
+        found.append((face, {**style, "split_sharp_edges": False}))
         rim = face.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
         if rim.n_cells:
             found.append((rim, {"color": INK, "line_width": 1.5}))

@@ -1,15 +1,16 @@
 """The film of a run: the device over its whole path, from one camera in one colour scale, with the pressure written in.
 
-A GIF always, for it needs no player. An MP4 too where the package imageio-ffmpeg is there.
+A GIF, which everything plays, in 256 colours; an animated WebP, which every browser plays, in all of them and smaller, and
+which the report shows. An MP4 too where the package imageio-ffmpeg is there.
 """
 
 from __future__ import annotations
 
 import importlib.util
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
@@ -22,16 +23,18 @@ from softmodels.states import States
 from softmodels.views import Look
 
 FRAMES = 40
-FEWER = (40, 28, 18, 10)
-"""Frames that are tried until the GIF is small enough."""
-WIDE = 480
+FEWER = (40, 32, 25, 19, 14, 10)
+"""Frames that are tried until the GIF is small enough: rather fewer of them than colours in bands."""
+WIDE = 960
 """Width of a frame in pixels."""
-LARGEST = 4_000_000
+LARGEST = 6_000_000
 """Of a GIF, in bytes."""
+QUALITY = 80
+"""Of the WebP: below, shading shows blocks."""
 SECONDS = 4.0
 """From the first frame to the last, which then stands for a while."""
 STANDING = 1.2
-HEAD, FOOT = 26, 34
+HEAD, FOOT = 48, 64
 """Pixels above and below the device, for the pressure and the colours."""
 
 
@@ -67,16 +70,16 @@ def _captioned(image: Image, text: str, scale: Scale) -> Image:
     height, width, _ = image.shape
     page = Picture.new("RGB", (width, 2 * ((height + HEAD + FOOT) // 2)), "white")
     page.paste(Picture.fromarray(image), (0, HEAD))
-    pen, font = ImageDraw.Draw(page), ImageFont.load_default(15)
+    pen, font = ImageDraw.Draw(page), ImageFont.load_default(28)
     pen.text((width / 2, HEAD / 2), text, fill="#102a43", font=font, anchor="mm")
-    colours = (matplotlib.colormaps["Spectral_r"](np.linspace(0, 1, width // 3))[:, :3] * 255).astype(np.uint8)
-    top = page.height - FOOT + 14
+    colours = (scale.colours(np.linspace(0, 1, width // 3))[:, :3] * 255).astype(np.uint8)
+    top = page.height - FOOT + 26
     left = (width - len(colours)) // 2
-    page.paste(Picture.fromarray(np.repeat(colours[None], 9, axis=0)), (left, top))
-    middle, small = top + 5, ImageFont.load_default(12)
-    pen.text((left - 6, middle), f"{scale.low:g}", fill="#102a43", font=small, anchor="rm")
-    end = f"{scale.top:.3g} {scale.unit} {scale.what}".replace("  ", " ")
-    pen.text((left + len(colours) + 6, middle), end, fill="#102a43", font=small, anchor="lm")
+    page.paste(Picture.fromarray(np.repeat(colours[None], 18, axis=0)), (left, top))
+    middle, small = top + 9, ImageFont.load_default(22)
+    pen.text((left - 12, middle), f"{scale.low:g}", fill="#102a43", font=small, anchor="rm")
+    end = f"{scale.top:.3g} {scale.unit} and more".replace("  ", " ")
+    pen.text((left + len(colours) + 12, middle), end, fill="#102a43", font=small, anchor="lm")
     return np.asarray(page)
 
 
@@ -93,15 +96,37 @@ def gif(images: list[Image]) -> bytes:
 
 
 def _gif(images: list[Image]) -> bytes:
-    # One palette for all, from the first, the last and one between: colours then do not flicker.
-    sample = np.concatenate([images[0], images[len(images) // 2], images[-1]])
-    palette = Picture.fromarray(sample).quantize(160, dither=Picture.Dither.NONE)
-    pages = [Picture.fromarray(image).quantize(palette=palette, dither=Picture.Dither.NONE) for image in images]
-    each = round(1000 * SECONDS / max(len(pages), 1))
-    times = [each] * (len(pages) - 1) + [round(1000 * STANDING)]
+    # One palette for all, from all: colours then do not flicker.
+    sample = np.concatenate([image[::2, ::2] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
+    palette = Picture.fromarray(sample).quantize(256, Picture.Quantize.MAXCOVERAGE)
+    pages = [
+        Picture.fromarray(image).quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG) for image in images
+    ]
     stream = io.BytesIO()
-    pages[0].save(stream, "GIF", save_all=True, append_images=pages[1:], duration=times, loop=0, optimize=False)
+    pages[0].save(stream, "GIF", save_all=True, append_images=pages[1:], duration=_times(pages), loop=0, optimize=False)
     return stream.getvalue()
+
+
+def webp(images: list[Image]) -> bytes:
+    """Frames as an animated WebP, in all their colours."""
+    pages = [Picture.fromarray(image) for image in images]
+    stream = io.BytesIO()
+    pages[0].save(
+        stream,
+        "WEBP",
+        save_all=True,
+        append_images=pages[1:],
+        duration=_times(pages),
+        loop=0,
+        quality=QUALITY,
+        method=2,
+    )
+    return stream.getvalue()
+
+
+def _times(pages: Sequence[object]) -> list[int]:
+    """How long each frame stands, in ms."""
+    return [round(1000 * SECONDS / max(len(pages), 1))] * (len(pages) - 1) + [round(1000 * STANDING)]
 
 
 def can_mp4() -> bool:

@@ -5,6 +5,7 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ import matplotlib
 import numpy as np
 import numpy.typing as npt
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 
 from softmodels.rows import cavity_columns
@@ -97,7 +98,31 @@ class Scale:
         self.top = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
         if not self.top > self.low:
             self.top = max(self.largest, self.low + 1.0)
+        self.power = POWERS[field]
         self.colours = matplotlib.colormaps[COLOURS]
+
+    @property
+    def norm(self) -> Normalize:
+        """From a value in the bar's unit to its place along the colours, 0 to 1."""
+        return (
+            PowerNorm(self.power, self.low, self.top, clip=True) if self.power != 1.0 else Normalize(self.low, self.top)
+        )
+
+    def share(self, values: Array) -> Array:
+        """Places along the colours, 0 to 1, of values in SI units; any shape."""
+        return np.clip((values * self.factor - self.low) / (self.top - self.low), 0.0, 1.0) ** self.power
+
+    def ticks(self) -> list[float]:
+        """Values of the bar's unit to write below colours that are not spread evenly: 1, 2 and 5 times powers of ten."""
+        high = math.floor(math.log10(self.top))
+        series = [k * 10.0**n for n in range(high, high - 4, -1) for k in (5, 2, 1) if k * 10.0**n <= self.top]
+        chosen, before = [], 1.15
+        for value in series:
+            place = float(self.norm(value))
+            if 0.08 < place < before - 0.09:
+                chosen.append(value)
+                before = place
+        return [self.low, *chosen[::-1]]
 
     def bar(self, figure: Figure) -> None:
         """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more."""
@@ -107,12 +132,16 @@ class Scale:
         largest = f"{self.largest:.4g} {self.unit}".strip()
         anywhere = " in the whole device" if self.where else ""
         note = f"{CLIPPED:g} % of the nodes lie within the colours; largest{anywhere}, {self.defined}: {largest}"
-        scale = ScalarMappable(Normalize(self.low, self.top), self.colours)
+        scale = ScalarMappable(self.norm, self.colours)
         extend = "max" if self.largest > self.top else "neither"
-        figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit}")
+        bar = figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit}")
+        if self.power != 1.0:
+            bar.set_ticks(self.ticks())
         figure.text(0.5, 0.14 / whole, note, ha="center", fontsize=10.5, color=EDGE)
 
 
+POWERS = {"von_mises_stress": 0.5, "largest_stretch": 1.0}
+"""How colours follow a field: stress by its square root, or all but a few corners and the last state would be dark."""
 FOOT = 1.15
 """Inches below a picture for the bar of its colours and what is said of it."""
 CLIPPED = 99.5

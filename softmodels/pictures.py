@@ -15,7 +15,7 @@ import click
 import matplotlib
 import numpy as np
 
-from softmodels import film, plots, program_plots, report, sections, stills
+from softmodels import film, hot_spots, plots, program_plots, report, sections, stills
 from softmodels.case import Case, CaseError
 from softmodels.pages import STYLE, headline
 from softmodels.rendering import can_render
@@ -107,17 +107,15 @@ def _sections(states: States, out: Folder) -> None:
     values = states.field(step, "von_mises_stress")
     plate = _plate(states)
     out.save("slice", sections.section_stress(points, moved, cells, values, states.rows[step], gauge, plate))
-    stretch, limit, hot = stills.hottest(states, step)
-    title = stills.hot_title(states, limit)
     if (at := states.bifurcation) is not None:
         out.save(
             "mode",
             sections.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], gauge),
         )
-    out.save(
-        "hot-spots",
-        sections.section_hot(moved, cells, hot, stretch, title, stills.peak_text(states, step), states.rows[step]),
-    )
+    stretch, limit, row = states.field(step, "largest_stretch"), hot_spots.hot_limit(states, step), states.rows[step]
+    texts = (f"{hot_spots.hot_title(limit)}", hot_spots.peak_text(states, step))
+    peak = hot_spots.peak_place(states, step)
+    out.save("hot-spots", sections.section_hot(moved, cells, stretch, limit, peak, *texts, row))
 
 
 def _solids(shown: Look, out: Folder) -> None:
@@ -147,8 +145,9 @@ def _solids(shown: Look, out: Folder) -> None:
 
 def _film(shown: Look, out: Folder, say: Callable[[str], Any]) -> None:
     frames = film.frames(shown)
-    write_bytes(out.path / "film.gif", film.gif(frames))
-    out.written.append(out.path / "film.gif")
+    for name, encoded in (("film.gif", film.gif), ("film.webp", film.webp)):
+        write_bytes(out.path / name, encoded(frames))
+        out.written.append(out.path / name)
     if film.can_mp4():
         try:
             film.write_mp4(out.path / "film.mp4", frames)

@@ -143,6 +143,16 @@ def lines(points: Array, pairs: Cells) -> Any:
     return pyvista.PolyData(points, lines=np.column_stack([np.full(len(pairs), 2), pairs]).ravel())
 
 
+def ring(centre: Array, direction: Array, radius: float) -> Any:
+    """A circle to draw around a place, seen from a direction; lengths in m."""
+    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+    first /= np.linalg.norm(first)
+    around = np.linspace(0.0, 2 * np.pi, 49)[:-1]
+    across = np.cross(direction / np.linalg.norm(direction), first)
+    points = centre + radius * (np.cos(around)[:, None] * first + np.sin(around)[:, None] * across)
+    return lines(points, np.column_stack([np.arange(48), np.roll(np.arange(48), -1)]))
+
+
 @contextlib.contextmanager
 def studio(camera: Camera, samples: int = 4) -> Iterator[Any]:
     """A place to take pictures in, with one camera: gives a function from layers to an image, shape (height, width, 3).

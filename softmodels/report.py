@@ -35,7 +35,7 @@ WIDEST = 1200
 CAPTIONS = {
     "undeformed.png": "The device at rest",
     "stress.png": "Von Mises stress on the deformed device: one camera, one colour scale",
-    "film.gif": "Film over the path; between the computed steps the shape goes straight from one to the next",
+    "film.webp": "Film over the path; between the computed steps the shape goes straight from one to the next",
     "cut.png": "Cut open; the cut is made in the undeformed material",
     "hot-spots.png": "Where the silicone is stretched most",
     "slice.png": "The modelled part; thin lines: undeformed",
@@ -195,8 +195,8 @@ def _shown(value: Any) -> str:
 def _picture(path: Path, text: str) -> str:
     if not path.exists():
         return ""
-    if path.suffix == ".gif":
-        return _figure("image/gif", path.read_bytes(), text)
+    if path.suffix == ".webp":
+        return _figure("image/webp", path.read_bytes(), text)
     with Picture.open(path) as image:
         small = image.convert("RGB")
         if small.width > WIDEST:

@@ -246,7 +246,7 @@ PICTURES = (
     *(f"stress-{k}" for k in range(1, 5)),
 )
 """Stems of the pictures drawn beside the one that has the gauge's name."""
-PAGES = ("film.gif", "film.mp4", "report.html")
+PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
 
 
 def clear_pictures(folder: Path, gauge: str) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -62,7 +61,7 @@ def section_stress(
     figure, axes = _section(np.concatenate([before, after]), FOOT)
     fine, triangles = fine_triangles(np.column_stack([after, values / 1e3]), cells)
     flat = Triangulation(fine[:, 0], fine[:, 1], triangles)
-    axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=0.0, vmax=stress.top)
+    axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=COLOURS, norm=stress.norm)
     for shown, colour in ((after, INK), (before, FAINT)):
         axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.0))
     if plate is not None:
@@ -73,29 +72,31 @@ def section_stress(
 
 
 def section_hot(
-    points: Array, cells: Cells, hot: npt.NDArray[np.bool_], values: Array, title: str, note: str, row: Row
+    points: Array, cells: Cells, values: Array, limit: float, peak: Array | None, title: str, note: str, row: Row
 ) -> Figure:
-    """The deformed half section with its hottest cells coloured by stretch.
+    """The deformed half section coloured by stretch, with the isoline around what is stretched most.
 
     Args:
         points: Deformed, in m, shape (n, 3) with y = 0.
         cells: Shape (c, 6).
-        hot: Which cells are hot, shape (c,).
         values: Largest principal stretch, shape (n,).
+        limit: Stretch of the isoline.
+        peak: Where the largest stretch is, in m, shape (3,).
         title: Of the picture.
         note: Below the title: the peak.
         row: The state's row of ``path.csv``.
     """
     flat, scale = points[:, ::2] * 1e3, Scale(values, "largest_stretch", rows=[row])
     figure, axes = _section(flat, FOOT + 0.3)
-    for chosen in (~hot, hot):
-        fine, triangles = fine_triangles(np.column_stack([flat, values]), cells[chosen])
-        mesh = Triangulation(fine[:, 0], fine[:, 1], triangles)
-        if chosen is hot:
-            axes.tripcolor(mesh, fine[:, 2], shading="gouraud", cmap=COLOURS, vmin=scale.low, vmax=scale.top)
-        else:
-            axes.tripcolor(mesh, np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
-    axes.add_collection(LineCollection(list(outline(flat, cells)), colors=INK, linewidths=1.0))
+    fine, triangles = fine_triangles(np.column_stack([flat, values]), cells)
+    mesh = Triangulation(fine[:, 0], fine[:, 1], triangles)
+    axes.tripcolor(mesh, fine[:, 2], shading="gouraud", cmap=COLOURS, norm=scale.norm)
+    axes.add_collection(LineCollection(list(outline(flat, cells)), colors=INK, linewidths=0.7))
+    if fine[:, 2].min() < limit < fine[:, 2].max():
+        axes.tricontour(mesh, fine[:, 2], levels=[limit], colors="black", linewidths=1.6)
+    if peak is not None:
+        for colour, wide in (("white", 5.0), ("black", 2.0)):
+            axes.plot(1e3 * peak[0], 1e3 * peak[2], "o", mfc="none", color=colour, markersize=16, markeredgewidth=wide)
     axes.set_title(title)
     figure.text(0.5, 1.2 / figure.get_figheight(), note, ha="center", color=WARNING, fontsize=11)
     scale.bar(figure)

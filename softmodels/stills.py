@@ -10,15 +10,26 @@ from matplotlib.figure import Figure
 
 from geometries import Actuator
 from softmodels.cutting import best_plane, cut_open
-from softmodels.pages import DPI, EDGE, FAINT, FOOT, INK, SOLID, WIDTH, Row, Scale, headline, load, number, page
-from softmodels.rendering import Camera, Image, lines, studio, surface
-from softmodels.skin import QUARTERS
-from softmodels.states import States
+from softmodels.hot_spots import hot_layers, hot_limit, hot_title, peak_place, peak_text
+from softmodels.pages import (
+    DPI,
+    EDGE,
+    FAINT,
+    FOOT,
+    INK,
+    SOLID,
+    WIDTH,
+    Row,
+    Scale,
+    headline,
+    load,
+    number,
+    page,
+)
+from softmodels.rendering import Camera, Image, lines, ring, studio, surface
 from softmodels.triangles import edge_curves, outer_faces
 from softmodels.views import Look, towards_slice
 
-HOT = 99.0
-"""Percentile of the cells' stretch above which a cell is a hot spot."""
 AIR = "#2f6f9f"
 COLUMNS = {1: 1, 2: 2, 3: 3, 4: 2}
 """Columns of the sheet for each number of pictures."""
@@ -67,9 +78,9 @@ def slice_stress(look: Look) -> Figure:
     skin = states.skin
     scale = Scale(states.field(step, "von_mises_stress"), rows=[states.rows[step]])
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
-    values = states.field(step, scale.field)[skin.nodes] * scale.factor
+    values = scale.share(states.field(step, scale.field))[skin.nodes]
     edges = np.concatenate([skin.edges, skin.rims])
-    style = {"scalars": "values", "cmap": scale.colours, "clim": (scale.low, scale.top), "smooth_shading": True}
+    style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
     camera = Camera.around([rest, moved], towards_slice(states), look.up)
     with studio(camera) as shoot:
         image = shoot(
@@ -164,47 +175,18 @@ def cut(look: Look) -> Figure:
 
 
 def hot_spots(look: Look) -> Figure:
-    """The cells that are stretched most, inside the translucent deformed device, and where the peak is."""
+    """What is stretched most, inside the translucent deformed device, and where the peak is."""
     states, step = look.states, look.states.main
     skin = states.skin
-    stretch, limit, hot = hottest(states, step)
-    scale = Scale(stretch, "largest_stretch", rows=[states.rows[step]])
-    layers = look.translucent(step, 0.22, {"color": SOLID, "opacity": 0.25, "culling": "back"})
-    faces = outer_faces(states.cells[hot], states.cell_name)[:, QUARTERS].reshape(-1, 3)
-    used, triangles = np.unique(faces, return_inverse=True)
-    moved = states.moved(step)[used]
-    for image in skin.images:
-        data = surface(moved @ image.T, triangles.reshape(-1, 3), values=stretch[used])
-        style = {"scalars": "values", "cmap": scale.colours, "clim": (scale.low, scale.top)}
-        layers.insert(0, (data, {**style, "ambient": 0.8}))
+    limit = hot_limit(states, step)
+    scale = Scale(states.field(step, "largest_stretch"), "largest_stretch", rows=[states.rows[step]])
+    layers = [*hot_layers(states, step, limit, scale), *look.translucent(step, 0.22, None)]
     whole = [skin.device(skin.points(states.moved(step)))]
-    with studio(Camera.around(whole, look.direction, look.up)) as shoot:
+    camera = Camera.around(whole, look.direction, look.up)
+    if (peak := peak_place(states, step)) is not None:
+        before = peak + 3 * camera.scale * look.direction  # nothing hides it, and in parallel projection nothing shifts
+        circle = ring(before, look.direction, 0.05 * camera.scale)
+        layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
+    with studio(camera) as shoot:
         image = shoot(layers)
-    return page(image, hot_title(states, limit), scale, peak_text(states, step))
-
-
-def hottest(states: States, step: int) -> tuple[Any, float, Any]:
-    """Nodal largest stretch (n,), the value that a hundredth of the cells' means exceeds, and which cells do (c,)."""
-    stretch = states.field(step, "largest_stretch")
-    mean = stretch[states.cells].mean(axis=1)
-    limit = float(np.percentile(mean, HOT))
-    return stretch, limit, mean >= limit
-
-
-def hot_title(states: States, limit: float) -> str:
-    """What is shown as hot, in words."""
-    many = 100 - HOT
-    return f"The {many:g} % of the {len(states.cells)} cells that are stretched most: by more than {limit:.3g}"
-
-
-def peak_text(states: States, step: int) -> str:
-    """Value and place of the largest stretch of a state, from ``path.csv``."""
-    row = states.rows[step]
-    pressure = f"at {load(row)}" if "load_step" in row else f"at {number(row['pressure_cm'])} cm"
-    if "max_stretch" not in row:
-        return f"largest stretch at a node {states.field(step, 'largest_stretch').max():.4g} {pressure}"
-    text = f"largest stretch {row['max_stretch']:.4g} {pressure}"
-    if "max_stretch_x_mm" not in row:
-        return text
-    place = ", ".join(f"{axis} = {row[f'max_stretch_{axis}_mm']:.2f}" for axis in "xyz")
-    return f"{text}; of the undeformed device at {place} mm"
+    return page(image, hot_title(limit), scale, peak_text(states, step))

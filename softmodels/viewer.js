@@ -34,8 +34,8 @@
     places.push(place);
     fields.push(values);
   }
-  const metres = (place) => Float32Array.from(place, (v, i) => meta.low[i % 3] + (meta.span * v) / 65535);
-  const rest = metres(places[0]);
+  const unpacked = (place) => Float32Array.from(place, (v, i) => meta.low[i % 3] + (meta.span * v) / 65535);
+  const rest = unpacked(places[0]);
   const onPlane = meta.planes.map((p) => {
     const here = [];
     for (let i = 0; i < n; i++) {
@@ -44,6 +44,18 @@
     }
     return here;
   });
+  // What lies in a symmetry plane does so to the last digit, or the images of the slice leave cracks between them.
+  function metres(place) {
+    const found = unpacked(place);
+    meta.planes.forEach((p, k) => {
+      for (const i of onPlane[k]) {
+        const d = p[0] * found[3 * i] + p[1] * found[3 * i + 1] + p[2] * found[3 * i + 2];
+        for (let j = 0; j < 3; j++) found[3 * i + j] -= d * p[j];
+      }
+    });
+    return found;
+  }
+  rest.set(metres(places[0]));
   function normals(p) {
     const found = new Float32Array(3 * n);
     for (let t = 0; t < triangles.length; t += 3) {
@@ -74,12 +86,12 @@
   const fragmentText = `#version 300 es
     precision highp float;
     in vec3 material, outward; in float v;
-    uniform vec4 clip; uniform float gain, alpha; uniform vec3 towards, above, plain; uniform bool flipped, coloured;
+    uniform vec4 clip; uniform float gain, alpha; uniform vec3 towards, above, plain; uniform bool coloured;
     uniform sampler2D colours;
     out vec4 colour;
     void main() {
       if (dot(material, clip.xyz) > clip.w) discard;
-      bool front = gl_FrontFacing != flipped;
+      bool front = gl_FrontFacing;
       if (!front && alpha == 1.0) { colour = vec4(0.62, 0.66, 0.71, 1.0); return; }  // seen from within: the cut silicone
       vec3 N = normalize(outward) * (front ? 1.0 : -1.0);
       float light = 0.55 + 0.3 * max(dot(N, towards), 0.0) + 0.22 * max(dot(N, above), 0.0);
@@ -143,6 +155,8 @@
     const top = inside ? field.top : field.outside;
     find("label").textContent = meta.steps[now.step].label;
     find("low").textContent = field.low; find("top").textContent = "≥ " + top.toPrecision(3) + " " + field.unit;
+    const middle = field.low + (top - field.low) * 0.5 ** (1 / field.power);
+    find("middle").textContent = middle.toPrecision(2);
     find("what").textContent = field.what;
     find("cut").disabled = now.axis < 0;
 
@@ -164,16 +178,25 @@
       clip[3] = side * (meta.box[0][now.axis] + now.cut * (meta.box[1][now.axis] - meta.box[0][now.axis]));
     }
     gl.uniform4fv(uniform("clip"), clip);
-    gl.uniform1f(uniform("gain"), (field.top - field.low) / (top - field.low));
+    gl.uniform1f(uniform("gain"), ((field.top - field.low) / (top - field.low)) ** field.power);
     const pass = (first, count, alpha, coloured) => {
       gl.uniform1f(uniform("alpha"), alpha); gl.uniform1i(uniform("coloured"), coloured ? 1 : 0);
       gl.uniform3fv(uniform("plain"), [0.62, 0.72, 0.82]);
       for (const image of meta.images) {
         gl.uniformMatrix3fv(uniform("image"), true, image);
         const [p, q, r] = [image.slice(0, 3), image.slice(3, 6), image.slice(6, 9)];
-        gl.uniform1i(uniform("flipped"), dot(p, cross(q, r)) < 0 ? 1 : 0);
+        gl.frontFace(dot(p, cross(q, r)) < 0 ? gl.CW : gl.CCW);
         gl.drawElements(gl.TRIANGLES, 3 * count, gl.UNSIGNED_INT, 12 * first);
       }
+    };
+    // Where a wall turns away from the viewer its two sides lie at one depth: the side seen from within the silicone wins,
+    // or a dotted line is seen through the cut.
+    const solid = () => {
+      gl.enable(gl.CULL_FACE); gl.cullFace(gl.FRONT);
+      pass(0, meta.triangles, 1, true);
+      gl.cullFace(gl.BACK); gl.enable(gl.POLYGON_OFFSET_FILL); gl.polygonOffset(2, 4);
+      pass(0, meta.triangles, 1, true);
+      gl.disable(gl.POLYGON_OFFSET_FILL); gl.disable(gl.CULL_FACE);
     };
     gl.disable(gl.BLEND); gl.depthMask(true);
     if (now.through) {
@@ -181,7 +204,7 @@
       gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA); gl.depthMask(false);
       pass(0, meta.outside, 0.16, false);
       gl.depthMask(true);
-    } else pass(0, meta.triangles, 1, true);
+    } else solid();
   }
   let waiting = false;
   const redraw = () => { if (!waiting) { waiting = true; requestAnimationFrame(() => { waiting = false; draw(); }); } };

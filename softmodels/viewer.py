@@ -45,7 +45,8 @@ def view(look: Look) -> str:
     return f"""<div id="viewer">
 <div class="bar"><span id="viewer-label"></span><span class="colours"><span id="viewer-what"></span>
 <span id="viewer-low"></span>
-<i style="background:linear-gradient(to right,{gradient})"></i><span id="viewer-top"></span></span></div>
+<i style="background:linear-gradient(to right,{gradient})"><b id="viewer-middle"></b></i>
+<span id="viewer-top"></span></span></div>
 <canvas id="viewer-canvas"></canvas>
 <div class="bar"><button id="viewer-play">▶ play</button>
 <input id="viewer-step" type="range" min="0" max="{len(steps) - 1}" value="{steps.index(states.main)}" aria-label="step">
@@ -100,13 +101,13 @@ def packed(look: Look, steps: list[int]) -> tuple[dict[str, Any], bytes]:
     for step, place in zip(steps, places, strict=True):
         columns = [np.round((place - low) / span * FULL).ravel()]
         for name, field in zip(SHOWN, fields, strict=True):
-            share = (states.field(step, name)[skin.nodes[used]] * SHOWN[name][2] - field["low"]) / (
-                field["top"] - field["low"]
-            )
-            columns.append(np.round(np.clip(share, 0.0, 1.0) * FULL))
+            share = field["share"](states.field(step, name)[skin.nodes[used]])
+            columns.append(np.round(share * FULL))
         for k, column in enumerate(columns):
             pieces.append(_bytes(column - before[k]))
             before[k] = column
+    for field in fields:
+        del field["share"]
     rest = skin.device(skin.points(states.points))
     camera = look.camera([0, states.main])
     colours = (matplotlib.colormaps[COLOURS](np.linspace(0, 1, 128))[:, :3] * 255).round().astype(int)
@@ -127,9 +128,10 @@ def _field(look: Look, name: str, steps: list[int]) -> dict[str, Any]:
     spread = sorted({look.states.main, steps[-1], *look.states.shown(6)})
     everything = Scale(np.array([look.states.field(step, name) for step in spread]), name)
     outside = look.scale(spread, name)
+    everything.top = max(everything.top, outside.top)
     return {
-        "what": everything.what, "unit": everything.unit, "low": everything.low,
-        "top": max(everything.top, outside.top), "outside": outside.top,
+        "what": everything.what, "unit": everything.unit, "low": everything.low, "power": everything.power,
+        "top": everything.top, "outside": outside.top, "share": everything.share,
     }  # fmt: skip
 
 

@@ -92,25 +92,33 @@ class Look:
         rows = [states.rows[step] for step in steps]
         if self.opened:
             return Scale(np.array([states.field(step, field) for step in steps]), field, rows=rows)
-        outside = np.unique(skin.nodes[skin.triangles[skin.part == OUTSIDE]])
-        return Scale(np.array([states.field(step, field)[outside] for step in steps]), field, "outside", rows)
+        seen = np.unique(skin.nodes[skin.triangles[skin.part == OUTSIDE][self._facing(steps[-1])]])
+        return Scale(np.array([states.field(step, field)[seen] for step in steps]), field, "on what is seen", rows)
+
+    def _facing(self, step: int) -> npt.NDArray[np.bool_]:
+        """Which triangles of the outside face the viewer in one of the images, shape (t,)."""
+        skin = self.states.skin
+        a, b, c = skin.points(self.states.moved(step))[skin.triangles[skin.part == OUTSIDE]].transpose(1, 0, 2)
+        towards = np.linalg.inv(skin.images[self.kept]) @ self.direction
+        flipped = np.sign(np.linalg.det(skin.images[self.kept]))
+        return np.asarray((np.cross(b - a, c - a) @ towards.T * flipped > 0).any(axis=1))
 
     def coloured(self, step: float, scale: Scale) -> list[Any]:
         """Layers of a state, coloured, with its sharp edges."""
         states, skin = self.states, self.states.skin
         moved = skin.points(states.points + states.between(step, "displacement"))
-        values = np.tile(states.between(step, scale.field)[skin.nodes] * scale.factor, len(self.kept))
+        values = np.tile(scale.share(states.between(step, scale.field))[skin.nodes], len(self.kept))
         shown = skin.device(moved, self.kept)
         data = surface(shown, self.visible, skin.device(skin.normals(moved), self.kept), values)
-        style = {"scalars": "values", "cmap": scale.colours, "clim": (scale.low, scale.top), "smooth_shading": True}
+        style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
         pairs = skin.device_lines(skin.edges, self.kept)
         if self.opened:
             pairs = np.concatenate([pairs, self.open_rims])
         edges = [(lines(shown, pairs), {"color": INK, "line_width": 1.5})] if len(pairs) else []
         return [(data, style), *edges, *self.plate_layers()]
 
-    def translucent(self, step: float, opacity: float, walls: dict[str, Any]) -> list[Any]:
-        """Layers of a state with a translucent outside; its cavities' walls in a style, opaque ones first."""
+    def translucent(self, step: float, opacity: float, walls: dict[str, Any] | None) -> list[Any]:
+        """Layers of a state with a translucent outside; its cavities' walls before it in a style, None leaves them out."""
         states, skin = self.states, self.states.skin
         moved = skin.points(states.moved(int(step)))
         everything = np.arange(len(skin.images))
@@ -118,7 +126,7 @@ class Look:
         found = []
         for part, style in ((1, walls), (0, {"color": "#8fa8c0", "opacity": opacity, "culling": "back"})):
             chosen = skin.part > OUTSIDE if part else skin.part == OUTSIDE
-            if chosen.any():
+            if chosen.any() and style is not None:
                 data = surface(shown, skin.device_triangles(chosen, everything), normals)
                 found.append((data, {"smooth_shading": True, **style}))
         if len(skin.edges):

@@ -8,7 +8,7 @@ import pytest
 from geometries import HollowDisk
 from geometries import table as geometry_table
 from measurement.units import exact_text, quantity, readable
-from softmodels import closing, plots, report, sections, stills
+from softmodels import closing, hot_spots, plots, report, sections
 from softmodels.stability_report import events, jumps_text, unlocated
 from softmodels.states import States
 from softmodels.views import look
@@ -62,7 +62,7 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated, runs):
     moved, values = states.moved(states.main), states.field(states.main, "von_mises_stress")
     figure = sections.section_stress(states.points, moved, states.cells, values, states.rows[states.main], "apex")
     assert f"largest, at an integration point: {stress} kPa" in texts(figure)
-    assert f"largest stretch {stretch} at 177 cm" in stills.peak_text(states, states.main)
+    assert f"largest stretch {stretch} at 177 cm" in hot_spots.peak_text(states, states.main)
 
 
 def test_a_cycle_tells_its_jumps(cycled, runs):

@@ -37,7 +37,12 @@ def test_every_picture_is_drawn_and_shows_something(kind, drawn):
     gauge = "tip" if kind == "half_slab" else "apex"
     names = {f"{name}.png" for name in ("undeformed", "mesh", "slice", "cut", "hot-spots", "profile", gauge, "stress")}
     names |= {"stress-1.png", "stress-2.png"}  # two pressures were requested
-    assert {Path(line).name for line in done.stdout.split()} - {"film.mp4"} == {*names, "film.gif", "report.html"}
+    assert {Path(line).name for line in done.stdout.split()} - {"film.mp4"} == {
+        *names,
+        "film.gif",
+        "film.webp",
+        "report.html",
+    }
     for name in names:
         image = matplotlib.image.imread(folder / name)[:, :, :3]
         assert image.shape[1] == 1600 and 250 < image.shape[0] < 1900, name

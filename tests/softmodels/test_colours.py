@@ -1,0 +1,92 @@
+"""What pictures show is to be seen: colours spread over a part, smooth borders, a film without bands, no seams in cuts."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+import pytest
+from PIL import Image
+
+from geometries import SeminarActuator
+from softmodels import film, hot_spots
+from softmodels.cutting import cut_open
+from softmodels.pages import Scale
+from softmodels.skin import CUT
+from softmodels.states import States
+from softmodels.views import look
+
+
+def corners(states):
+    """A field like a slab's: small nearly everywhere, twenty times as large in a few nodes, a tenth at the first pressure."""
+    field = 1e3 * (1 + np.hypot(*states.points[:, :2].T) / 0.07)
+    field[:: max(len(field) // 60, 2)] *= 20.0
+    return np.array([0.1 * field, field])
+
+
+def test_little_of_a_picture_is_of_the_darkest_colour(half_slab):
+    """By the square root, the colours tell states apart of which one has a tenth of the other's stress."""
+    states = States(half_slab, "slab")
+    assert isinstance(states.actuator, SeminarActuator)
+    values = corners(states)
+    scale = Scale(values)
+    darkest = 0.05  # of the colours' length: to the eye the one colour of rest
+    linear = np.clip(values * scale.factor / scale.top, 0, 1)
+    assert (linear[0] < darkest).mean() > 0.9  # as it was
+    assert (scale.share(values)[0] < darkest).mean() < 0.05
+
+
+def test_the_bar_and_the_surface_have_the_same_colours():
+    scale = Scale(np.linspace(0.0, 40e3, 1000))
+    kilopascals = np.array([0.0, 0.7, 5.0, 20.0, scale.top, 2 * scale.top])
+    assert scale.share(1e3 * kilopascals) == pytest.approx(np.asarray(scale.norm(kilopascals)))
+    ticks = scale.ticks()
+    assert ticks[0] == 0.0 and len(ticks) >= 4 and np.all(np.diff([float(scale.norm(t)) for t in ticks]) >= 0.08)
+
+
+def test_only_what_is_seen_sets_the_colours_of_a_whole_device(half_slab):
+    shown = look(States(half_slab, "slab"))
+    facing = shown._facing(5)
+    assert 0.2 < facing.mean() < 0.9
+
+
+def test_hot_spots_are_bounded_by_an_isoline_and_cover_their_share(wedge):
+    states = States(wedge, "disk")
+    step = states.main
+    limit = hot_spots.hot_limit(states, step)
+    scale = Scale(states.field(step, "largest_stretch"), "largest_stretch")
+    stretch = states.field(step, "largest_stretch")[states.skin.nodes]
+    triangles = states.skin.triangles[states.skin.part != CUT]
+    a, b, c = states.skin.points(states.points)[triangles].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    assert area[stretch[triangles].mean(axis=1) > limit].sum() / area.sum() == pytest.approx(0.01, abs=0.01)
+    layers = hot_spots.hot_layers(states, step, limit, scale)
+    lines = [data for data, style in layers if style.get("color") == "black"]
+    patches = [data for data, style in layers if "color" not in style]
+    assert lines and all(data.point_data["stretch"] == pytest.approx(limit, rel=1e-6) for data in lines)
+    # Outside, nothing below the limit is coloured: no cell sticks out of the line.
+    assert patches[-1].point_data["stretch"].min() == pytest.approx(limit, rel=1e-6)
+
+
+def test_a_films_gradients_are_not_banded():
+    """A ramp over all colours with shading: dithered, the mean over a few pixels keeps the colour."""
+    ramp = matplotlib.colormaps["Spectral_r"](np.linspace(0, 1, film.WIDE))[:, :3]
+    shade = np.linspace(0.6, 1.0, 120)[:, None, None]
+    frames = [np.uint8(255 * np.clip(shade * ramp * k, 0, 1)) for k in (0.9, 0.95, 1.0)]
+    with Image.open(__import__("io").BytesIO(film.gif(frames))) as made:
+        made.seek(2)
+        shown = np.asarray(made.convert("RGB"), dtype=float)
+    error = (shown - frames[2]).reshape(15, 8, film.WIDE // 8, 8, 3).mean(axis=(1, 3))
+    assert np.sqrt((error**2).mean()) < 4.0  # bands of 160 colours of three frames: 7
+    with Image.open(__import__("io").BytesIO(film.webp(frames))) as made:
+        assert made.size == (film.WIDE, 120) and made.n_frames == 3
+
+
+def test_a_cut_has_no_seam_where_images_of_the_slice_meet(half_slab):
+    """The shell behind the cut is one surface: points on the mirror plane are there once."""
+    states = States(half_slab, "slab")
+    plane = (np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    shell = cut_open(states, 0, plane, plane[0], Scale(states.field(1, "von_mises_stress")))[0][0]
+    middle = shell.points[np.abs(shell.points[:, 1]) < 1e-7]
+    assert len(middle) > 10
+    apart = np.linalg.norm(middle[:, None] - middle[None], axis=2) + np.eye(len(middle))
+    assert apart.min() > 1e-7
