@@ -119,6 +119,11 @@ class Actuator(ABC):
         return hashlib.sha256(repr((RECIPE, type(self).__name__, parameters)).encode()).hexdigest()[:12]
 
     @property
+    def files(self) -> Mapping[str, str]:
+        """Files that the device is made from, by the parameter that names them; their contents decide its shape."""
+        return {}
+
+    @property
     def name(self) -> str:
         """Default name for files: the device and its key."""
         return f"{type(self).__name__}-{self.key}"

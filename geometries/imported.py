@@ -90,6 +90,10 @@ class ImportedActuator(Actuator):
             raise GeometryError(f"file {self.file!r} is no name of a file") from None
 
     @property
+    def files(self) -> Mapping[str, str]:
+        return {"file": self.file}
+
+    @property
     def key(self) -> str:
         """Twelve digits that change with the parameters and with what the file holds, not with where it is."""
         parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name != "file"]

@@ -43,16 +43,7 @@ def run_file(
 
     The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
     """
-    case: list[Case] = []
-
-    def read() -> Case:
-        case.append(Case.from_file(file))
-        return case[0]
-
-    def folder() -> Path:
-        return output or Path("results") / case[0].name
-
-    commandline.execute(read, folder, resume, quiet, no_pictures, petsc, branch)
+    commandline.execute(lambda: Case.from_file(file), output, resume, quiet, no_pictures, petsc, branch, [file])
 
 
 softmodels.add_command(limit_command.command)

@@ -13,6 +13,7 @@ from typing import Any
 
 from geometries import Actuator
 from geometries.apart import interpreter
+from measurement.own_folder import OwnFolderError
 from softmodels.case import Case
 from softmodels.glossary import term
 from softmodels.notes import notes_of
@@ -92,20 +93,21 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
     if stored and status != BAD_INPUT:
         try:
             gather(case, results, status, message, notes)
+            results.own.forget_unwritten()
             if draw and status in (DONE, NO_EQUILIBRIUM):
                 if not quiet:
                     print("drawing pictures, film and report (--no-pictures leaves them out)", file=sys.stderr)
                 took = _draw(results)
-        except OSError as error:
+        except (OSError, OwnFolderError) as error:
             status = status or FAILED
             message = message or (
-                f"the steps could not be gathered in one file ({error.strerror or error}); "
+                f"the steps could not be gathered in one file ({getattr(error, 'strerror', None) or error}); "
                 "make room and run again with --resume"
             )
     if message:
         states = "1 state" if len(stored) == 1 else f"{len(stored)} states"
         where = (
-            f". The results up to there ({states}) are in {results.folder}" if stored and status != BAD_INPUT else ""
+            f". The results up to there ({states}) are in {results.own.path}" if stored and status != BAD_INPUT else ""
         )
         print(f"softmodels: {message}{where}", file=sys.stderr)
     for note in notes if not quiet else []:
@@ -152,6 +154,7 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
         "events": events(results.rows, case.actuator.gauge), "stretch_at_break": stretch_at_break(case.material),
         "notes": list(notes), "stability": stability_text(results.rows, case.actuator, branch_rows(results)),
     }  # fmt: skip
+    results.own.claim(["summary.json"])
     write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
 
 

@@ -6,7 +6,7 @@ import contextlib
 import itertools
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import click
 from geometries import Actuator, GeometryError
 from geometries.options import QuantityType, device_options, device_told
 from measurement.ending import STOPPED, stoppable, written
+from measurement.output_option import FolderType
 from measurement.units import WATER_DENSITY
 from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, sheet_from
 from softmodels.material_table import material_from, material_names, material_options
@@ -55,10 +56,11 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     command = click.option("--branch", is_flag=True, help=text)(command)
     command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
     command = click.option("--resume", is_flag=True, help="Go on from where an interrupted run stopped.")(command)
-    text = "Folder for the results; an earlier run's are replaced."
-    return click.option("-o", "--output", type=click.Path(path_type=Path), help=f"{text}  [default: results/NAME]")(
-        command
+    text = (
+        "Folder for the results: empty, not there, or an earlier run's, whose files are replaced.  [default: results/NAME; "
+        "results/NAME-2 and so on where that holds another case]"
     )
+    return click.option("-o", "--output", type=FolderType(), help=text)(command)
 
 
 def device_command(
@@ -100,7 +102,7 @@ def device_command(
                 obstacle=obstacle_from(contact, contact_plane, contact_stiffness),
             )  # fmt: skip
 
-        execute(case, lambda: output or Path("results") / name, resume, quiet, no_pictures, petsc, branch)
+        execute(case, output, resume, quiet, no_pictures, petsc, branch)
 
     what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
     command.__doc__ = HELP.format(what=what, pressures=pressures, module=module,
@@ -151,14 +153,15 @@ def obstacle_from(faces: str | None, plane: str | None, stiffness: float | None)
 
 def execute(
     case: Callable[[], Case],
-    folder: Callable[[], Path],
+    output: Path | None,
     resume: bool,
     quiet: bool,
     no_pictures: bool,
     petsc: tuple[str, ...],
     branch: bool = False,
+    inputs: Sequence[Path] = (),
 ) -> None:
-    """Build a case, run it and exit with its status."""
+    """Build a case, run it and exit with its status; see `running.run`."""
     try:
         ready = case()
         _check_words(petsc)
@@ -174,7 +177,9 @@ def execute(
         from softmodels.running import run
 
     try:
-        status = run(ready, folder(), resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch)
+        status = run(
+            ready, output, resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch, inputs=inputs
+        )
     except StartError as error:
         fail(str(error), error.status)
     except ImportError as error:

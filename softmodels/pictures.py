@@ -15,11 +15,13 @@ import click
 import matplotlib
 import numpy as np
 
+from measurement.folder_lock import InUseError
+from measurement.own_folder import PATIENCE, OwnFolderError
 from softmodels import film, hot_spots, plots, program_plots, report, sections, stills
 from softmodels.case import Case, CaseError
 from softmodels.pages import STYLE, headline
 from softmodels.rendering import can_render
-from softmodels.results import ResultsError, clear_pictures, replace, write_bytes
+from softmodels.results import ResultsError, picture_files, picture_folder, replace, write_bytes
 from softmodels.states import States
 from softmodels.views import Look, look
 
@@ -57,9 +59,28 @@ def draw(folder: Path, name: str, say: Callable[[str], Any] = print) -> list[Pat
     Raises:
         ResultsError: No results, or none that can be read.
         CaseError: No case file, or a wrong one.
+        OwnFolderError: Somebody else's file has the name of a picture.
+        InUseError: Another program has been drawing them for too long.
+        OSError: The folder cannot be written.
     """
-    states = States(folder, name)
-    clear_pictures(folder, states.actuator.gauge)
+    if not (folder / f"{name}.h5").exists():
+        raise ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")
+    own = picture_folder(folder)
+    own.take(PATIENCE)
+    try:
+        states = States(folder, name)
+        # Checked for all before any is taken away: somebody else's report must not cost the pictures of before.
+        own.check_names(picture_files(states.actuator.gauge))
+        own.remove(own.files)
+        own.claim(picture_files(states.actuator.gauge))
+        written = _draw(states, folder, name, say)
+        own.forget_unwritten()
+        return written
+    finally:
+        own.leave()
+
+
+def _draw(states: States, folder: Path, name: str, say: Callable[[str], Any]) -> list[Path]:
     shown, out = look(states), Folder(folder)
     with matplotlib.rc_context(STYLE):
         _curves(states, out)
@@ -170,8 +191,11 @@ def draw_folder(folder: Path, name: str | None = None) -> None:
             name = Case.from_file(folder / "case.toml").name
         for path in draw(folder, name, lambda text: print(f"softmodels: {text}", file=sys.stderr)):
             print(path)
-    except (ResultsError, CaseError) as error:
+    except (ResultsError, CaseError, OwnFolderError, InUseError) as error:
         print(f"softmodels: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        print(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", file=sys.stderr)
         sys.exit(2)
 
 

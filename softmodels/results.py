@@ -1,7 +1,8 @@
 """A folder of results that is readable at every moment, whatever stops the run.
 
-Each step goes into a file of its own, written aside and renamed, and the light files (XDMF, CSV) are replaced whole after
-each step. A run that ends well gathers the steps into one HDF5 file. Only rank 0 has one of these; nothing here knows of MPI.
+New results are prepared aside, and replace those of an earlier run when their first step is there. Each step goes into a file
+of its own, written aside and renamed, and the light files (XDMF, CSV) are replaced whole after each step. A run that ends well
+gathers the steps into one HDF5 file. Only rank 0 has one of these; nothing here knows of MPI.
 
 The XDMF spells out topology, geometry and all fields in every time step: VTK's reader crashes on the ``xi:include`` that
 DOLFINx would write, and ParaView would show each field on a grid of its own.
@@ -9,7 +10,6 @@ DOLFINx would write, and ParaView would show each field on a grid of its own.
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import dataclasses
 import errno
@@ -26,8 +26,14 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
+from measurement.own_folder import PATIENCE, OwnFolder, remove_steps
+
+FORMAT = 1
+"""Of the stored steps, in the HDF5 file's attribute ``format``. Raised by a change after which older runs cannot go on."""
 RESTART = "restart"
 ROW = "row"
+RUN, BRANCH = "run", "branch/"
+"""What a folder's record calls a run; the folder inside for a branch that leaves its path."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,11 +57,19 @@ class Results:
         folder: Where to write; made if missing.
         name: Stem of the files, such as ``"disk"``.
         gauge: The device's `Actuator.gauge`, which names the picture of its rise.
+        kind: What the folder's record calls them.
+
+    Attributes:
+        own: The folder, and what in it is the run's own.
+        folder: Where the files are: in ``own``, or aside of the earlier results until the first step is there.
     """
 
-    def __init__(self, folder: Path, name: str, gauge: str = "apex"):
+    def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN):
+        self.own = OwnFolder(folder, kind)
         self.folder, self.name, self.gauge = folder, name, gauge
         self.stored: list[Stored] = []
+        self._about: dict[str, Any] = {}
+        self._renewal = ""
 
     @property
     def heavy(self) -> Path:
@@ -71,25 +85,59 @@ class Results:
 
     def branch(self) -> Results:
         """Results of the branch that leaves this path, in a folder of their own; there may be none."""
-        return Results(self.folder / "branch", self.name, self.gauge)
+        return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch")
+
+    @property
+    def files(self) -> list[str]:
+        """Names of what a run writes, pictures aside."""
+        name = self.name
+        return ["case.toml", f"{name}.h5", f"{name}.xdmf", "path.csv", "summary.json", f"{name}.msh", f"{name}.steps/"]
+
+    def prepare(self, about: Mapping[str, Any]) -> None:
+        """Begin new results aside of the earlier ones, which stay until the first step is stored.
+
+        Args:
+            about: What to record of them.
+
+        Raises:
+            OwnFolderError: Somebody else's file has a name that a run writes.
+            OSError: The folder cannot be written.
+        """
+        self.own.check_names([*self.files, BRANCH])
+        self._about = dict(about)
+        self.folder = self.own.prepare()
+
+    def renew(self, case: str, about: Mapping[str, Any]) -> None:
+        """Write another case file with the next state, of a run that is gone on with to further values."""
+        self._renewal, self._about = case, dict(about)
+
+    def record(self, **about: Any) -> None:
+        """Record more of these results: at once, or with the first state."""
+        self._about |= about
+        if self.folder == self.own.path:
+            self.own.claim([], about)
+
+    def _bring_in(self) -> None:
+        """Put the prepared results in the place of the earlier ones, whose pictures go too."""
+        pictures = picture_folder(self.own.path)
+        pictures.take(PATIENCE)  # they may be being drawn
+        try:
+            self.own.bring_in(self._about)
+            self.folder = self.own.path
+            pictures.remove(pictures.files)
+        finally:
+            pictures.leave()
 
     def clear(self) -> None:
-        """Make the folder and take away what an earlier run of this name left in it."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(self.steps, ignore_errors=True)
-        for path in (
-            self.heavy,
-            self.folder / f"{self.name}.xdmf",
-            self.folder / "path.csv",
-            self.folder / "summary.json",
-        ):
-            path.unlink(missing_ok=True)
-        clear_pictures(self.folder, self.gauge)
-        if (branch := self.branch()).heavy.exists():
-            branch.clear()
-            (branch.folder / "case.toml").unlink(missing_ok=True)
-            with contextlib.suppress(OSError):  # something of the user's is in it
-                branch.folder.rmdir()
+        """Make the folder and take away what an earlier run left in it, at once.
+
+        Raises:
+            OwnFolderError: The folder is not a run's, or somebody else's file has a name that a run writes.
+        """
+        self.own.check()
+        self.own.path.mkdir(parents=True, exist_ok=True)
+        self.own.remove(self.own.files)
+        self.own.claim(self.files)
 
     def begin(self, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], cell_name: str) -> None:
         """Store the grid: points (n, 3) in m, cells (c, k) of an XDMF cell type."""
@@ -98,15 +146,38 @@ class Results:
         def fill(file: Any) -> None:
             file["mesh/points"], file["mesh/cells"] = points, cells
             file["mesh"].attrs["cell_name"] = cell_name
+            file.attrs["format"] = FORMAT
 
         replace_hdf5(self.heavy, fill)
         self._shapes = (len(points), cells.shape, cell_name)
 
-    def load(self) -> None:
-        """Take up what an earlier run left, for going on with it or for drawing.
+    def check_grid(self, points: npt.NDArray[np.float64]) -> None:
+        """Refuse to go on where the device is not meshed as it was.
+
+        Args:
+            points: Nodes of the mesh, shape (n, 3), m.
 
         Raises:
-            ResultsError: There is nothing, or it cannot be read.
+            ResultsError: The stored states lie on other nodes.
+        """
+        import h5py
+
+        with h5py.File(self.heavy) as file:
+            stored = file["mesh/points"][:]
+        if stored.shape != points.shape or not np.allclose(stored, points, rtol=0.0, atol=1e-9 * np.abs(stored).max()):
+            raise ResultsError(
+                f"the states in {self.folder} are of another mesh ({len(stored)} nodes there, {len(points)} here), as another "
+                "version of Gmsh would make; run without --resume"
+            )
+
+    def load(self, go_on: bool = False) -> None:
+        """Take up what an earlier run left, for going on with it or for drawing.
+
+        Args:
+            go_on: Whether it is to be gone on with, which needs a run of this version.
+
+        Raises:
+            ResultsError: There is nothing, or it cannot be read, or another version wrote it.
         """
         import h5py
 
@@ -115,6 +186,7 @@ class Results:
         found: dict[int, Stored] = {}
         try:
             with h5py.File(self.heavy) as file:
+                self._check_format(int(file.attrs.get("format", 0)), go_on)
                 cells = file["mesh/cells"].shape
                 self._shapes = (len(file["mesh/points"]), cells, str(file["mesh"].attrs["cell_name"]))
                 for group in file.get("steps", {}):
@@ -122,9 +194,24 @@ class Results:
             for path in sorted(self.steps.glob("*.h5")):
                 with h5py.File(path) as file:
                     found[int(path.stem)] = _stored(file, f"{self.steps.name}/{path.name}", "")
-        except (OSError, KeyError, ValueError) as error:
-            raise ResultsError(f"the results in {self.folder} cannot be read ({error})") from error
+        except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+            if isinstance(error, ResultsError):
+                raise
+            raise ResultsError(f"the results in {self.folder} cannot be read ({hdf5_reason(error)})") from error
         self.stored = [found[step] for step in sorted(found)]
+
+    def _check_format(self, found: int, go_on: bool) -> None:
+        if found > FORMAT:
+            raise ResultsError(
+                f"{self.folder} was written by a later version of softmodels (its results have format {found}, this version "
+                f"reads up to {FORMAT}); update softmodels"
+            )
+        if go_on and found < FORMAT:
+            raise ResultsError(
+                f"{self.folder} was written by an earlier version of softmodels (its results have format {found}, this version "
+                f"goes on with {FORMAT}); run without --resume into another folder (--output), or draw it as it is "
+                f"(softmodels draw {self.folder})"
+            )
 
     def add(
         self, row: Mapping[str, Any], fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]
@@ -142,11 +229,19 @@ class Results:
         replace_hdf5(path, fill)
         self.stored.append(Stored(f"{self.steps.name}/{path.name}", "", dict(row), dict(restart)))
         self.write_light()
+        if self.folder != self.own.path:
+            self._bring_in()
+        elif self._renewal:
+            write_text(self.folder / "case.toml", self._renewal)
+            self.own.claim(["case.toml"], self._about)
+            self._renewal = ""
 
     def fields(self, step: int, names: tuple[str, ...]) -> dict[str, npt.NDArray[np.float64]]:
         """Nodal fields of a stored step."""
         import h5py
 
+        if not (self.folder / self.stored[step].file).exists():
+            self.load()  # the run that wrote it has gathered its steps meanwhile
         stored = self.stored[step]
         with h5py.File(self.folder / stored.file) as file:
             return {name: file[f"{stored.group}/{name}"][:] for name in names}
@@ -170,6 +265,7 @@ class Results:
             with h5py.File(path, "w") as file:
                 with h5py.File(self.heavy) as old:
                     old.copy("mesh", file)
+                    file.attrs["format"] = old.attrs.get("format", 0)
                 for number, stored in enumerate(self.stored):
                     with h5py.File(self.folder / stored.file) as source:
                         group = file.create_group(f"steps/{number:04d}")
@@ -188,7 +284,7 @@ class Results:
             for number, stored in enumerate(self.stored)
         ]
         self.write_light()
-        shutil.rmtree(self.steps, ignore_errors=True)
+        remove_steps(self.steps)
 
     def write_light(self) -> None:
         """Write ``path.csv`` and the XDMF anew."""
@@ -249,10 +345,14 @@ PICTURES = (
 PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
 
 
-def clear_pictures(folder: Path, gauge: str) -> None:
-    """Take away what was drawn before: pictures, film and report."""
-    for name in (*(f"{picture}.png" for picture in (*PICTURES, gauge)), *PAGES):
-        (folder / name).unlink(missing_ok=True)
+def picture_files(gauge: str) -> list[str]:
+    """Names of all that is drawn of a run: pictures, film and report."""
+    return [*(f"{picture}.png" for picture in (*PICTURES, gauge)), *PAGES]
+
+
+def picture_folder(folder: Path) -> OwnFolder:
+    """The pictures in a folder of results: a record beside the run's, for they are also drawn while the run goes on."""
+    return OwnFolder(folder, "pictures", part="pictures")
 
 
 def _item(parent: Any, shape: tuple[int, ...], place: str, number: str = "Float", precision: str = "8") -> None:

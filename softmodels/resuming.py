@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from softmodels.case import Case
+from softmodels.identity import difference
 from softmodels.outcomes import BAD_INPUT, RunError
 from softmodels.parallel import is_root, on_root
 from softmodels.program import Stop, goes_on
@@ -17,16 +19,27 @@ from softmodels.results import Results
 from softmodels.rows import cavity_columns
 
 
-def check_same(case: Case, old: Case, folder: Path) -> None:
-    """Refuse to go on from a run whose numbers would not be this case's."""
-    for field in (
-        "name", "actuator", "material", "control", "formulation", "sheet", "water_density", "supply", "cycle",
-    ):  # fmt: skip
-        if getattr(old, field) != getattr(case, field):
-            raise RunError(
-                f"{folder} holds a run with another {field}; resume with its options, or run without --resume",
-                BAD_INPUT,
-            )
+def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
+    """Refuse to go on from a run whose numbers would not be this case's.
+
+    Args:
+        case: What is run.
+        old: What the folder's case file says.
+        known: `identity` of the case that the stored states are of.
+        wanted: `identity` of this case.
+        folder: For the message.
+
+    Raises:
+        RunError: They differ in more than the requested values, with the first that differs.
+    """
+    if (name := difference(known, wanted)) is not None:
+        raise RunError(
+            f"{folder} holds a run with another {name.split('.')[0]} ({name} is {known.get(name, 'not given')} there, "
+            f"{wanted.get(name, 'not given')} here); resume with its options, or run without --resume",
+            BAD_INPUT,
+        )
+    if case.cycle and case.values != old.values:
+        raise RunError(f"{folder} holds a run with --cycle through other pressures; resume with those", BAD_INPUT)
     if not goes_on(case.program, old.program):
         raise RunError(
             f"{folder} holds a run of other steps; resume with those, more after them if need be, or run without --resume",

@@ -7,9 +7,9 @@ value is not on the path (a limit point); 130 stopped by the user. Whatever happ
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import signal
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,46 +18,52 @@ import numpy as np
 
 from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped
 from measurement.ending import stoppable
+from measurement.folder_lock import InUseError
+from measurement.own_folder import OwnFolderError
 from softmodels.case import Case, CaseError
 from softmodels.closing import close, explain, explain_step, gather
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
+from softmodels.identity import digest
 from softmodels.materials import MaterialError
 from softmodels.notes import notes_of
 from softmodels.obstacle import ObstacleError
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, NO_MEMORY, STOPPED, RunError
 from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, speaks, start
 from softmodels.progress import Progress
-from softmodels.results import Results, ResultsError, write_text
-from softmodels.resuming import check_same, check_values, drop_between, last_stop, stopped_at, stored_points
+from softmodels.results import BRANCH, Results, ResultsError, write_text
+from softmodels.resuming import last_stop, stopped_at, stored_points
 from softmodels.rows import restart_of, row_of
 from softmodels.stability_report import unlocated, unseen
+from softmodels.starting import begin, mesh_is_known
 
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
 def run(
     case: Case,
-    folder: Path,
+    folder: Path | None,
     *,
     resume: bool = False,
     quiet: bool = False,
     petsc: Sequence[str] = (),
     draw: bool = True,
     branch: bool = False,
+    inputs: Sequence[Path] = (),
 ) -> int:
     """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
 
     Args:
         case: What to run.
-        folder: Where the results go.
+        folder: Where the results go; None for the first of ``results/NAME``, ``results/NAME-2`` ... that is free or holds
+            a run of this very case.
         resume: Go on from what an interrupted run of the same case left there.
         quiet: Only errors are said.
         petsc: Words for PETSc's option database.
         draw: Make the pictures at the end.
         branch: Follow the branch that leaves the path at its first bifurcation too, into the folder ``branch``.
+        inputs: Files that the user has given: they are never written.
 
     Raises:
         StartError: PETSc cannot take the words.
@@ -67,20 +73,24 @@ def run(
         abort_on_error(comm)
         from petsc4py import PETSc
 
-    results = Results(folder, case.name, case.actuator.gauge)
+    results: Results | None = None
     progress = Progress(case.values[-1], case.unit, case.actuator.gauge, quiet or not is_root(comm))
     status, message = DONE, ""
     try:
         with progress, _interruptible() as stopped:
-            kept = on_root(comm, lambda: _prepare(case, results, resume))
-            message = _follow(case, results, comm, progress, stopped, kept, branch)
+            results, resumed = _begin(case, folder, resume, draw, inputs, comm)
+            progress.say(f"results go to {results.own.path}")
+            message = _follow(case, results, comm, progress, stopped, resumed, branch)
     except RunError as error:
         status, message = error.status, str(error)
-    except (GeometryError, MeshFileError, MeshingError, CaseError, MaterialError, ObstacleError, ResultsError) as error:
+    except (
+        GeometryError, MeshFileError, MeshingError, CaseError, MaterialError, ObstacleError, ResultsError, OwnFolderError,
+        InUseError,
+    ) as error:  # fmt: skip
         status, message = FAILED if isinstance(error, MeshingError) else BAD_INPUT, str(error)
     except PETSc.Error as error:
         # What PETSc refuses before anything is solved are the words it was given.
-        words = bool(petsc) and not on_root(comm, lambda: results.stored)
+        words = bool(petsc) and not on_root(comm, lambda: results and results.stored)
         advice = (
             "check the words after --"
             if words
@@ -92,7 +102,35 @@ def run(
         status, message = FAILED, f"{_unwritten(error)}; {advice} and go on with --resume"
     except MemoryError:
         status, message = FAILED, NO_MEMORY
-    return on_root(comm, lambda: close(case, results, status, message, quiet, draw))
+    return on_root(comm, lambda: _end(case, results, status, message, quiet, draw))
+
+
+def _begin(
+    case: Case, folder: Path | None, resume: bool, draw: bool, inputs: Sequence[Path], comm: Any
+) -> tuple[Results, bool]:
+    """The results on every rank (rank 0 alone writes them), and whether there are states to go on from."""
+    begun: list[Results] = []
+
+    def on_rank_0() -> tuple[Path, Path, bool]:
+        results, resumed = begin(case, folder, resume, draw, inputs)
+        begun.append(results)
+        return results.own.path, results.folder, resumed
+
+    home, at, resumed = on_root(comm, on_rank_0)
+    results = begun[0] if begun else Results(home, case.name, case.actuator.gauge)
+    results.folder = at
+    return results, resumed
+
+
+def _end(case: Case, results: Results | None, status: int, message: str, quiet: bool, draw: bool) -> int:
+    """Close the run and let go of its folder."""
+    if results is None:
+        print(f"softmodels: {message}", file=sys.stderr)
+        return status
+    try:
+        return close(case, results, status, message, quiet, draw)
+    finally:
+        results.own.leave()
 
 
 def _unwritten(error: OSError) -> str:
@@ -118,28 +156,6 @@ def _interruptible() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def _prepare(case: Case, results: Results, resume: bool) -> bool:
-    """Make the folder; on resume, check that it belongs to this case. Returns whether there are states to go on from."""
-    folder, file = results.folder, results.folder / "case.toml"
-    if resume and file.exists():
-        check_same(case, Case.from_file(file), folder)
-        if case.cycle and results.heavy.exists():
-            raise RunError("a run with --cycle cannot be gone on with; run it without --resume", BAD_INPUT)
-        if results.heavy.exists():
-            results.load()
-            drop_between(case, results)
-            check_values(case, results)
-            write_text(file, case.to_toml())
-            return bool(results.stored)
-    try:
-        results.clear()
-        write_text(file, case.to_toml())
-    except OSError as error:
-        status = FAILED if error.errno in FULL else BAD_INPUT
-        raise RunError(f"the folder {folder} cannot be written ({error.strerror})", status) from None
-    return False
-
-
 def _follow(
     case: Case, results: Results, comm: Any, progress: Progress, stopped: list[int], resumed: bool, branch: bool
 ) -> str:
@@ -153,13 +169,14 @@ def _follow(
     from softmodels.points import PathEnd
 
     mesh = results.folder / f"{case.name}.msh"
-    if not (resumed and mesh.exists()):
+    if not (resumed and on_root(comm, lambda: mesh_is_known(results, mesh))):
         kind = "solid" if case.actuator.dimension == 3 else "axisymmetric section"
         progress.say(f"meshing {type(case.actuator).__name__} ({kind}, 1/{case.actuator.copies})")
         try:
             on_root(comm, lambda: case.actuator.write(mesh, lambda: bool(stopped)))
         except MeshingStopped:
             raise RunError("stopped by the user while the mesh was made; nothing is solved yet", STOPPED) from None
+        on_root(comm, lambda: results.record(mesh=digest(mesh)))
     progress.say("preparing the equations (compiled the first time, half a minute; then from the cache)")
     on_root(comm, lambda: wait_for_cache(cache(), progress.say, lambda: bool(stopped)))
     _stop_if_asked(comm, stopped)
@@ -172,6 +189,8 @@ def _follow(
         raise RunError(str(error)) from error
     dofs = equilibrium.space.dofmap.index_map.size_global * equilibrium.space.dofmap.index_map_bs
     cells = body.mesh.topology.index_map(body.mesh.topology.dim).size_global
+    if resumed:
+        on_root(comm, lambda: results.check_grid(fields.grid.points))
     progress.say(f"{cells} cells, {dofs} unknowns, {comm.size} rank{'s' if comm.size > 1 else ''}")
 
     if case.program:
@@ -184,17 +203,20 @@ def _follow(
         supply = case.supply.control(cavity, equilibrium.stress_unit, equilibrium.volume_unit)
     path = LoadPath(equilibrium, case.control, case.quantity, goals[-1] / FEWEST_STEPS, supply)
     path.report = lambda text: progress.say(f"  {text}")
-    begin: list[Any] = []
-    if resumed:
+    known: list[Any] = []
+    if resumed and not case.cycle:
         left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
         goals = [goal for goal, wanted in zip(goals, left, strict=True) if wanted]
-        begin = stored_points(results, fields, comm)
+        known = stored_points(results, fields, comm)
         progress.say(f"going on from step {on_root(comm, lambda: len(results.stored) - 1)}")
-    else:
+    elif not resumed:
         on_root(comm, lambda: results.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))
     bifurcations, lost = [], None
+    stored = on_root(comm, lambda: len(results.stored))
     try:
-        for point in cycle(path, goals) if case.cycle else trace(path, goals, begin):
+        for number, point in enumerate(cycle(path, goals) if case.cycle else trace(path, goals, known)):
+            if case.cycle and number < stored:
+                continue  # a cycle is read off one curve, which is followed anew; what was stored of it stays
             _keep(case, results, fields, comm, progress, point)
             bifurcations += [point] if point.bifurcation else []
             _stop_if_asked(comm, stopped)
@@ -264,6 +286,7 @@ def _follow_branch(
         progress.say(text)
         return
     aside = results.branch()
+    on_root(comm, lambda: results.own.claim([BRANCH]))
     on_root(comm, aside.clear)
     on_root(comm, lambda: write_text(aside.folder / "case.toml", case.to_toml()))
     on_root(comm, lambda: aside.begin(fields.grid.points, fields.grid.cells, fields.grid.cell_name))

@@ -10,6 +10,7 @@ import pytest
 from geometries import HollowDisk
 from softmodels.case import Case
 from softmodels.materials import NeoHookean
+from softmodels.results import Results
 from softmodels.stability_report import jumped_over
 from softmodels.supply import Syringe
 
@@ -49,7 +50,15 @@ def test_a_cycle_comes_home_and_says_where_it_jumped(runs, tmp_path):
     assert volumes[jumps[0]] > 3 * volumes[jumps[0] - 1] and volumes[jumps[1]] < volumes[jumps[1] - 1] / 3
     events = json.loads((tmp_path / "disk" / "summary.json").read_text())["events"]
     assert [event["kind"] for event in events] == ["limit", "jump", "limit", "jump"]
-    assert runs.disk(tmp_path / "disk", *SHADOW, *law, "--cycle", "--pressure-cm", "0,20,37", "--resume").status == 2
+    # Cut off after the first jump, and gone on with: what was stored stays, and the rest is the same.
+    results = Results(tmp_path / "disk", "disk")
+    results.load()
+    results.stored = results.stored[: jumps[0] + 2]
+    results.finish()
+    other = runs.disk(tmp_path / "disk", *SHADOW, *law, "--cycle", "--pressure-cm", "0,20,36", "--resume")
+    assert other.status == 2 and "other pressures" in other.err
+    again = runs.disk(tmp_path / "disk", *SHADOW, *law, "--cycle", "--pressure-cm", "0,20,37", "--resume")
+    assert again.status == 0 and runs.rows(tmp_path / "disk") == rows
 
 
 def test_a_case_with_a_syringe_survives_its_file():

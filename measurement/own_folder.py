@@ -1,0 +1,384 @@
+"""Folders of results that a program may clear, because it wrote what it clears.
+
+A folder is taken if it is not there, is empty, or holds a record of an earlier run. The record lists the files that were
+written; they alone are ever replaced or taken away. New results are prepared in a folder inside and brought in
+when their first part is whole: until then the earlier ones stay. Being cut off in between loses neither, see `OwnFolder.mend`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.metadata
+import itertools
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from measurement.folder_lock import FolderLock, InUseError
+
+HIDDEN = ".softmodels"
+"""What the names of files and folders begin with that this module makes for itself."""
+RECORD = f"{HIDDEN}.json"
+FORMAT = 1
+"""Of the record."""
+PATIENCE = 600.0
+"""Seconds to wait for a program that draws into a folder which is to be replaced."""
+
+
+class OwnFolderError(RuntimeError):
+    """A folder or a file that is not a program's own, so that it must not be written; the message is a sentence."""
+
+
+class OwnFolder:
+    """A folder of results, and the record of what was written there.
+
+    Args:
+        path: The folder; it need not be there.
+        kind: What it holds, such as ``"run"``; other kinds are not replaced.
+        part: Distinguishes records that one folder may have beside each other; each has a lock of its own.
+    """
+
+    def __init__(self, path: Path, kind: str, part: str = ""):
+        self.path, self.kind = Path(path), kind
+        stem = f"{HIDDEN}-{part}" if part else HIDDEN
+        self._record, self._prepared = self.path / f"{stem}.json", self.path / f"{stem}-new"
+        self.lock = FolderLock(self._record.with_suffix(".lock"))
+        self._made = False
+
+    # -- what is known of it ---------------------------------------------------------------------------------------
+
+    @property
+    def record(self) -> dict[str, Any] | None:
+        """What the record says; None where there is none, or none that can be understood."""
+        try:
+            found = json.loads(self._record.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return None
+        whole = (
+            isinstance(found, dict) and isinstance(found.get("files"), list) and isinstance(found.get("about"), dict)
+        )
+        return found if whole and all(map(_is_inside, found["files"])) else None
+
+    @property
+    def files(self) -> list[str]:
+        """Names that are the program's own: relative, folders with a slash at the end."""
+        return list((self.record or {}).get("files", ()))
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What was recorded of the results beside their files."""
+        return dict((self.record or {}).get("about", {}))
+
+    @property
+    def is_free(self) -> bool:
+        """Whether nothing is there, not even of an earlier run."""
+        try:
+            return not any(_counts(file) for file in self.path.iterdir())
+        except FileNotFoundError:
+            return True
+        except OSError:
+            return False
+
+    def check(self) -> None:
+        """Refuse a folder that is not this program's to write.
+
+        Raises:
+            OwnFolderError: It is something else, with what it is and what to do.
+        """
+        record = self.record
+        if record is not None and record.get("kind") == self.kind:
+            if record.get("format", 0) > FORMAT:
+                raise OwnFolderError(
+                    f"{self.path} was written by a later version ({record.get('version')}); update, or take another folder"
+                )
+            return
+        if record is not None:
+            raise OwnFolderError(
+                f"{self.path} holds another kind of results ({record.get('kind')}), which are not replaced; take another "
+                "folder (--output)"
+            )
+        if self._record.name == RECORD and not self.is_free:
+            raise OwnFolderError(self._foreign())
+
+    def _foreign(self) -> str:
+        try:
+            names = sorted(file.name for file in self.path.iterdir() if _counts(file))
+        except OSError as error:
+            return f"the folder {self.path} cannot be written ({error.strerror})"
+        if self._record.exists():
+            return f"{self._record} cannot be understood, so nothing in its folder is replaced; take another folder (--output)"
+        return (
+            f"{self.path} holds files that no run of this version has recorded as its own ({_some(names)}), and nothing in it "
+            "is replaced; take a folder that is empty or not there (--output), or move those files away"
+        )
+
+    def check_names(self, names: Iterable[str]) -> None:
+        """Refuse names under which somebody else's files lie.
+
+        Raises:
+            OwnFolderError: One is there and not recorded, with what to do.
+        """
+        own = set(self.files)
+        taken = [name for name in names if name not in own and os.path.lexists(self.path / name)]
+        if taken:
+            raise OwnFolderError(
+                f"{self.path / taken[0]} is there and was not written by this program, so it is not replaced; move it "
+                "away, or take another folder (--output)"
+            )
+
+    def check_inputs(self, inputs: Iterable[Path]) -> None:
+        """Refuse inputs that lie among the results which are to be replaced.
+
+        Raises:
+            OwnFolderError: One does.
+        """
+        for name in self.files:
+            for file in inputs:
+                if is_same(self.path / name, file):
+                    raise OwnFolderError(
+                        f"{file} is read, and is one of the results in {self.path} that would be replaced; take another "
+                        "folder (--output), or read a copy of it"
+                    )
+
+    # -- taking and leaving it -------------------------------------------------------------------------------------
+
+    def take(self, wait: float = 0.0) -> None:
+        """Make the folder if need be, lock it, and mend what a killed process has left.
+
+        Args:
+            wait: Seconds to wait while another program holds it.
+
+        Raises:
+            OwnFolderError: It is not this program's.
+            InUseError: Another program writes there.
+            OSError: It cannot be written.
+        """
+        if self.lock.held:
+            return
+        self.check()
+        self._made = not self.path.exists()
+        self.path.mkdir(parents=True, exist_ok=True)
+        self.lock.take(wait)
+        try:
+            self.check()  # it may have been filled meanwhile
+            self.mend()
+        except BaseException:
+            self.lock.release()
+            raise
+
+    def leave(self) -> None:
+        """Unlock it; prepared files that were not brought in go, and so does a folder that was made for nothing."""
+        if not self.lock.held:
+            return
+        with contextlib.suppress(OSError):
+            if "incoming" not in (self.record or {}):
+                shutil.rmtree(self._prepared, ignore_errors=True)
+            if not self.files and self._record.exists() and (self._record.name != RECORD or self.is_free):
+                self._record.unlink()
+        self.lock.release()
+        if self._made:
+            with contextlib.suppress(OSError):  # there is something in it
+                self.path.rmdir()
+
+    # -- writing ---------------------------------------------------------------------------------------------------
+
+    def claim(self, names: Iterable[str], about: Mapping[str, Any] | None = None) -> None:
+        """Record files as the program's own, before they are written.
+
+        Args:
+            names: Relative; folders with a slash at the end.
+            about: More to record of the results; what was recorded under the same names is replaced.
+
+        Raises:
+            OwnFolderError: Somebody else's file lies under one of the names.
+            OSError: The record cannot be written.
+        """
+        names = list(names)
+        self.check_names(names)
+        self._write([*dict.fromkeys([*self.files, *names])], {**self.about, **(about or {})})
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Take away those of some names that are recorded, and forget them."""
+        own, gone = self.files, set(names)
+        for name in own:
+            if name in gone:
+                _remove(self.path, name)
+        if gone & set(own):
+            self._write([name for name in own if name not in gone], self.about)
+
+    def forget_unwritten(self) -> None:
+        """Forget names that were recorded and not written in the end: somebody else may use them."""
+        if gone := [name for name in self.files if not (self.path / name).exists()]:
+            self.remove(gone)
+
+    def prepare(self) -> Path:
+        """An empty folder inside, for new results until `bring_in`."""
+        shutil.rmtree(self._prepared, ignore_errors=True)
+        if self.record is None:
+            self._write([], {})
+        self._prepared.mkdir()
+        return self._prepared
+
+    def bring_in(self, about: Mapping[str, Any]) -> None:
+        """Put what was prepared in the place of the earlier results, whose files go.
+
+        Raises:
+            OwnFolderError: Somebody else's file lies under one of the names.
+            OSError: A file cannot be moved; `mend` goes on from there.
+        """
+        incoming = {
+            file.name + "/" * file.is_dir(): sorted(inner.name for inner in file.iterdir()) if file.is_dir() else []
+            for file in sorted(self._prepared.iterdir())
+        }
+        self.check_names(incoming)
+        # Both the earlier and the new names are the program's from here on.
+        names = [*dict.fromkeys([*self.files, *incoming])]
+        self._write(names, self.about, {"incoming": incoming, "incoming_about": dict(about)})
+        self.mend()
+
+    def mend(self) -> None:
+        """End what `bring_in` has begun; nothing happens if nothing was left halfway."""
+        record = self.record or {}
+        if "incoming" not in record:
+            shutil.rmtree(self._prepared, ignore_errors=True)
+            return
+        incoming = {name: inner for name, inner in record["incoming"].items() if _is_inside(name)}
+        for name, inner in incoming.items():
+            source, target = self._prepared / name, self.path / name
+            if not name.endswith("/"):
+                if source.exists():
+                    source.replace(target)
+            elif source.is_dir():
+                target.mkdir(exist_ok=True)
+                _remove_inside(target, keep=inner)
+                for file in sorted(source.iterdir()):
+                    file.replace(target / file.name)
+                source.rmdir()
+        for name in record["files"]:
+            if name not in incoming:
+                _remove(self.path, name)
+        self._write(list(incoming), record.get("incoming_about", {}))
+        shutil.rmtree(self._prepared, ignore_errors=True)
+
+    def _write(self, files: list[str], about: Mapping[str, Any], more: Mapping[str, Any] | None = None) -> None:
+        record = {
+            "written_by": "softmodels", "version": version(), "format": FORMAT, "kind": self.kind, "files": files,
+            "about": dict(about), **(more or {}),
+        }  # fmt: skip
+        replace_text(self._record, json.dumps(record, indent=1) + "\n")
+
+
+def take_default(base: Path, kind: str, inputs: Mapping[str, Any]) -> OwnFolder:
+    """Take the first of ``base``, ``base-2``, ``base-3`` ... that is free or holds results of the very same inputs.
+
+    Args:
+        base: The folder's name where nothing is in the way.
+        kind: What it is to hold.
+        inputs: What decides the results, as it was recorded under ``"inputs"``.
+
+    Raises:
+        InUseError: A program with the same inputs is under way.
+        OSError: It cannot be written.
+    """
+    for path in numbered(base):
+        own = OwnFolder(path, kind)
+        record = own.record
+        same = record is not None and record.get("kind") == kind and own.about.get("inputs") == dict(inputs)
+        if not same and os.path.lexists(path) and not own.is_free:
+            continue
+        try:
+            own.take()
+            return own
+        except InUseError:
+            if same:
+                raise
+        except OwnFolderError:
+            if same or not own.path.exists():
+                raise
+    raise AssertionError("there is always another number")
+
+
+def numbered(base: Path) -> Iterator[Path]:
+    """``base``, ``base-2``, ``base-3`` and so on."""
+    yield base
+    for number in itertools.count(2):
+        yield base.with_name(f"{base.name}-{number}")
+
+
+def is_same(one: Path, other: Path) -> bool:
+    """Whether two names are of one file, which may be reached in several ways."""
+    try:
+        return one.samefile(other)
+    except OSError:
+        return False
+
+
+def version() -> str:
+    """The installed version; of a bare checkout unknown."""
+    try:
+        return importlib.metadata.version("softmodels")
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a small file whole or not at all."""
+    aside = path.with_name(f"{path.name}.part")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        aside.replace(path)
+    except BaseException:
+        aside.unlink(missing_ok=True)
+        raise
+
+
+def _is_inside(name: Any) -> bool:
+    """Whether a recorded name is a file's or folder's right in the folder: a record may have come from elsewhere."""
+    return isinstance(name, str) and re.fullmatch(r"[^/\\\0]+/?", name) is not None and name.strip("./") != ""
+
+
+def _counts(file: Path) -> bool:
+    """Whether a file in a folder makes it one that is in use: not what locking and preparing leave there."""
+    return not file.name.startswith(HIDDEN)
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(map(repr, names[:3])) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+STEP_FILE = r"\d{4,}\.h5|[^/]+\.png"
+"""What the program writes into folders of its own inside a folder of results."""
+
+
+def _remove_inside(folder: Path, keep: Iterable[str] = ()) -> None:
+    for file in folder.iterdir():
+        if file.name not in set(keep) and re.fullmatch(STEP_FILE, file.name.removesuffix(".part")):
+            file.unlink(missing_ok=True)
+
+
+def remove_steps(folder: Path) -> None:
+    """Take away a folder of the program's own inside a folder of results; somebody else's files stay, and the folder then."""
+    if folder.is_dir() and not folder.is_symlink():
+        _remove_inside(folder)
+        with contextlib.suppress(OSError):  # something of the user's is in it
+            folder.rmdir()
+
+
+def _remove(folder: Path, name: str) -> None:
+    """Take a recorded file away; of a folder what the program writes there, and the folder if nothing else is in it."""
+    path = folder / name
+    if not name.endswith("/"):
+        if not path.is_dir():
+            path.unlink(missing_ok=True)
+        path.with_name(f"{path.name}.part").unlink(missing_ok=True)
+    elif path.is_dir() and not path.is_symlink():
+        inner = OwnFolder(path, "")
+        for own in inner.files:
+            _remove(path, own)
+        if inner.record is not None:
+            (path / RECORD).unlink(missing_ok=True)
+        remove_steps(path)

@@ -1,0 +1,357 @@
+"""Folders of results: what is not a run's own stays as it is, and a run's own stays until there is something in its place."""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+
+from geometries import HollowDisk
+from measurement import folder_lock
+from measurement.own_folder import OwnFolder
+from softmodels.__main__ import softmodels
+from softmodels.case import Case
+from softmodels.commandline import main
+from softmodels.disk import command
+from softmodels.identity import difference, identity
+from softmodels.material_table import DEFAULT
+from softmodels.obstacle import Obstacle
+from softmodels.results import Results
+
+BASIC = ["--section=axisymmetric", "--no-pictures", "--quiet"]
+SHORT = [*BASIC, "--pressure-cm=0,30"]
+
+
+@pytest.fixture
+def says(tmp_path, monkeypatch, capsys):
+    """Return a function that runs a command in an empty folder, in this process, and gives its status and what it said."""
+    monkeypatch.chdir(tmp_path)
+
+    def say(asked, *arguments):
+        monkeypatch.setattr(sys, "argv", ["softmodels", *map(str, arguments)])
+        status = 0
+        try:
+            main(asked)
+        except SystemExit as end:
+            status = end.code
+        told = capsys.readouterr()
+        assert "Traceback" not in told.err and (status in (0, None) or told.err.count("\n") == 1), told.err
+        return status or 0, told.out, told.err
+
+    return say
+
+
+@pytest.fixture(scope="session")
+def short(tmp_path_factory, runs):
+    """A finished run to 30 cm."""
+    folder = tmp_path_factory.mktemp("short") / "disk"
+    assert runs.run("-m", "softmodels.disk", *SHORT, "--output", folder).status == 0
+    return folder
+
+
+@pytest.fixture
+def copy(short, tmp_path):
+    return Path(shutil.copytree(short, tmp_path / "copy"))
+
+
+def contents(folder):
+    """Every file under a folder, with its bytes."""
+    return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+MINE = ["report.html", "mesh.png", "disk.steps/0001.h5", "path.csv", "case.toml", "disk.h5"]
+
+
+@pytest.mark.parametrize("name", MINE)
+@pytest.mark.parametrize("words", [["--output", "mine"], ["--output", "mine", "--resume"]], ids=["new", "resume"])
+def test_a_users_folder_is_not_taken(name, words, says, tmp_path):
+    file = tmp_path / "mine" / name
+    file.parent.mkdir(parents=True)
+    file.write_text("mine")
+    status, out, err = says(command, *SHORT, *words)
+    assert status == 2 and out == "" and "mine" in err and "--output" in err
+    assert contents(tmp_path) == {Path("mine") / name: b"mine"}
+
+
+def test_the_folder_of_the_case_that_is_run_is_not_taken(says, tmp_path):
+    text = Case("disk", HollowDisk(section="axisymmetric"), DEFAULT, (10.0,)).to_toml() + "# mine\n"
+    (tmp_path / "case.toml").write_text(text)
+    for folder in (".", tmp_path):
+        status, _, err = says(softmodels, "run", "case.toml", "--no-pictures", "--output", folder)
+        assert status == 2 and "'case.toml'" in err
+    status, _, err = says(softmodels, "run", "case.toml", "--no-pictures", "--output", "")
+    assert status == 2 and "empty" in err
+    assert contents(tmp_path) == {Path("case.toml"): text.encode()}
+
+
+@pytest.mark.parametrize("name", ["report.html", "disk.png", "apex.png", "branch"])
+def test_somebody_elses_file_among_a_runs_results_is_not_replaced(name, says, copy):
+    (copy / name).write_text("mine")
+    before = contents(copy)
+    status, _, err = says(command, "--section=axisymmetric", "--quiet", "--pressure-cm=0,20", "--output", copy)
+    if name == "disk.png":  # nothing of this name is ever written
+        assert status == 0 and (copy / name).read_text() == "mine"
+        return
+    assert status == 2 and name in err and "not replaced" in err
+    assert contents(copy) == before
+    if name != "branch":
+        status, _, err = says(softmodels, "draw", copy)
+        assert status == 2 and name in err and contents(copy) == before
+
+
+def test_a_case_file_changed_among_its_results_is_kept(says, copy):
+    file = copy / "case.toml"
+    file.write_text(file.read_text().replace("30.0", "40.0"))
+    before = contents(copy)
+    for words in ([], ["--resume"]):
+        status, _, err = says(softmodels, "run", file, "--no-pictures", "--quiet", "--output", copy, *words)
+        assert status == 2 and "case.toml" in err
+        status, _, err = says(command, *SHORT, "--output", copy, *words)
+        assert status == 2 and "case.toml" in err and "changed" in err
+    assert contents(copy) == before
+
+
+def test_results_of_an_earlier_version_are_named_and_kept(says, copy):
+    (copy / ".softmodels.json").unlink()
+    before = contents(copy)
+    for words in ([], ["--resume"]):
+        status, _, err = says(command, *SHORT, "--output", copy, *words)
+        assert status == 2 and "earlier version" in err and "draw" in err and contents(copy) == before
+
+
+@pytest.mark.parametrize(("number", "word"), [(0, "earlier version"), (99, "later version")])
+def test_the_format_of_stored_states_is_checked(number, word, says, copy):
+    with h5py.File(copy / "disk.h5", "r+") as file:
+        file.attrs["format"] = number
+    status, _, err = says(command, *BASIC, "--pressure-cm=0,30,40", "--output", copy, "--resume")
+    assert status == 2 and word in err
+    if number > 1:
+        status, _, err = says(softmodels, "draw", copy)
+        assert status == 2 and word in err
+
+
+LATE = {
+    "a contact on no face": ["--contact=lid", "--contact-plane=z = 17mm"],
+    "PETSc's words": ["--", "-body_pc_type", "nonsense"],
+}
+
+
+@pytest.mark.parametrize("words", LATE.values(), ids=LATE)
+def test_bad_input_that_is_noticed_late_leaves_the_last_results(words, runs, copy):
+    before = contents(copy)
+    done = runs.run("-m", "softmodels.disk", *SHORT, "--pressure-cm=0,20", "--output", copy, *words)
+    assert done.status == 2 and done.err.count("\n") == 1, done.err
+    assert contents(copy) == before
+
+
+def test_a_mesh_that_fails_leaves_the_last_results_and_no_new_folder(says, copy, monkeypatch, tmp_path):
+    from geometries import MeshingError
+
+    def fail(self, path):
+        Path(path).write_text("half a mesh")
+        raise MeshingError("no cells")
+
+    monkeypatch.setattr(HollowDisk, "write", fail)
+    before = contents(copy)
+    for folder in (copy, tmp_path / "new"):
+        status, _, err = says(command, *BASIC, "--pressure-cm=0,20", "--output", folder)
+        assert status == 1 and "no cells" in err
+    assert contents(copy) == before and not (tmp_path / "new").exists()
+
+
+def test_states_without_their_case_are_not_begun_anew(says, copy):
+    (copy / "case.toml").unlink()
+    before = contents(copy)
+    status, _, err = says(command, *BASIC, "--pressure-cm=0,30,40", "--output", copy, "--resume")
+    assert status == 2 and "no case.toml" in err and contents(copy) == before
+
+
+CONTACTS = [["--contact=top", "--contact-plane=z = 17mm"], ["--contact=top", "--contact-plane=z = 17.5mm"],
+            ["--contact=top", "--contact-plane=z = 17mm", "--contact-stiffness=100"], []]  # fmt: skip
+
+
+def test_no_run_goes_on_with_another_contact(says, runs, tmp_path):
+    folder = tmp_path / "disk"
+    assert says(command, *SHORT, *CONTACTS[0], "--output", folder)[0] == 0
+    before = contents(folder)
+    more = [*BASIC, "--pressure-cm=0,30,35", "--output", folder, "--resume"]
+    for other in CONTACTS[1:]:
+        status, _, err = says(command, *more, *other)
+        assert status == 2 and "another obstacle" in err and "obstacle" in err and contents(folder) == before
+    assert says(command, *more, *CONTACTS[0])[0] == 0
+    assert runs.rows(folder)[-1]["pressure_cm"] == 35.0
+
+
+def test_every_field_of_a_case_counts():
+    """Also of what is inside it, and nothing by the place where it happens to be in memory."""
+    plain = Case("disk", HollowDisk(), DEFAULT, (10.0,))
+    texts = identity(dataclasses.replace(plain, obstacle=Obstacle("top", "z = 20 mm")))
+    assert {field.name for field in dataclasses.fields(Case)} <= {name.split(".")[0] for name in texts}
+    assert {"actuator.membrane", "material.shear_modulus", "obstacle.stiffness"} <= texts.keys()
+    assert not any(" at 0x" in text for text in texts.values())
+    assert difference(identity(plain), texts) == "obstacle"
+    assert difference(identity(plain), identity(dataclasses.replace(plain, pressures_cm=(10.0, 20.0)))) is None
+    assert identity(plain) == identity(Case.from_toml(plain.to_toml()))
+
+
+def test_a_part_whose_file_was_changed_is_another_part(wedge_part, tmp_path):
+    part = wedge_part("can", 90)
+    copied = tmp_path / "part.step"
+    shutil.copy(part.file, copied)
+    case = Case("part", dataclasses.replace(part, file=str(copied)), DEFAULT, (10.0,))
+    known = identity(case)
+    assert difference(known, identity(dataclasses.replace(case, actuator=part))) is None  # the same content elsewhere
+    copied.write_text(copied.read_text().replace("FILE_NAME('", "FILE_NAME('other ", 1))
+    assert difference(known, identity(case)) == "actuator.file"
+
+
+def test_a_mesh_that_was_changed_is_made_anew(says, runs, copy, whole):
+    (copy / "disk.msh").write_text("SystemCall 'touch executed';\n")
+    assert says(command, *BASIC, "--pressure-cm=0,30,35", "--output", copy, "--resume")[0] == 0
+    assert "SystemCall" not in (copy / "disk.msh").read_text() and not Path("executed").exists()
+    assert runs.rows(copy)[-1]["pressure_cm"] == 35.0
+
+
+def test_a_folder_in_use_is_refused_with_the_process_that_uses_it(says, runs, copy):
+    before, busy = contents(copy), OwnFolder(copy, "run")
+    busy.take()
+    for words in ([], ["--resume"], ["--membrane=5mm"]):
+        status, out, err = says(command, *SHORT, *words, "--output", copy)
+        assert status == 2 and out == "" and f"process {os.getpid()} on" in err and "--output" in err
+    busy.leave()
+    assert contents(copy) == before
+    # A lock that a killed process has left behind holds nobody up.
+    (copy / ".softmodels.lock").write_text('{"pid": 1, "host": "elsewhere"}')
+    assert says(command, *SHORT, "--output", copy)[0] == 0 and not list(copy.glob("*.lock"))
+
+
+def test_where_the_system_knows_no_locks_the_file_alone_counts(tmp_path, monkeypatch):
+    """Of this machine's processes it is seen whether they have ended; of another's it is not."""
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    monkeypatch.setattr(folder_lock.fcntl, "flock", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOLCK, "no locks")))
+    lock = folder_lock.FolderLock(tmp_path / "lock")
+    for pid, host, free in ((ended.pid, socket.gethostname(), True), (os.getppid(), socket.gethostname(), False),
+                            (ended.pid, "elsewhere", False)):  # fmt: skip
+        lock.file.write_text(json.dumps({"pid": pid, "host": host, "since": "noon"}))
+        if free:
+            lock.take()
+            lock.release()
+        else:
+            with pytest.raises(folder_lock.InUseError, match=f"process {pid} on {host}, since noon"):
+                lock.take()
+
+
+def test_runs_keep_out_of_each_others_way(says, runs, tmp_path):
+    for words in (["--pressure-cm=0,30"], ["--pressure-cm=0,20"], ["--pressure-cm=0,30"]):
+        assert says(command, *BASIC, *words)[0] == 0
+    assert sorted(path.name for path in Path("results").iterdir()) == ["disk", "disk-2"]
+    assert [runs.rows(Path("results") / name)[-1]["pressure_cm"] for name in ("disk", "disk-2")] == [30.0, 20.0]
+    # The case that is gone on with is found by what it is; where two fit, the user is asked.
+    assert says(command, *BASIC, "--pressure-cm=0,20", "--resume")[0] == 0
+    status, _, err = says(command, *BASIC, "--pressure-cm=0,35", "--resume")
+    assert status == 2 and "results/disk and results/disk-2" in err
+    status, _, err = says(command, *BASIC, "--pressure-cm=0,35", "--membrane=5mm", "--resume")
+    assert status == 2 and "--output" in err and "results/disk" in err
+    shutil.rmtree("results/disk-2")
+    assert says(command, *BASIC, "--pressure-cm=0,35", "--resume")[0] == 0
+    assert runs.rows(Path("results/disk"))[-1]["pressure_cm"] == 35.0
+    done = says(softmodels, "run", "results/disk/case.toml", "--no-pictures")
+    assert done[0] == 0 and "in results/disk:" in done[1] and "results go to results/disk" in done[2]
+
+
+def test_a_run_killed_while_it_takes_the_folder_over_loses_nothing(few_new, monkeypatch):
+    """At every single rename and removal the earlier or the new results are whole, once the folder is opened again."""
+    folder, old, new, replay = few_new
+    for moment in range(100):
+        shutil.rmtree(folder)
+        shutil.copytree(old, folder)
+        ended = replay(moment)
+        own = OwnFolder(folder, "run")
+        own.take()
+        own.leave()
+        found = contents_of(folder)
+        assert found in (contents_of(old), contents_of(new)), moment
+        if ended:
+            assert moment > 5 and found == contents_of(new)
+            return
+    pytest.fail("it never ended")
+
+
+def contents_of(folder):
+    return {name: data for name, data in contents(folder).items() if not name.name.startswith(".softmodels")}
+
+
+@pytest.fixture
+def few_new(tmp_path, monkeypatch):
+    """A folder, its contents before and after a second run's first state, and a run cut off at a numbered change."""
+    import numpy as np
+
+    folder, old, new = tmp_path / "few", tmp_path / "old", tmp_path / "new"
+
+    made = []
+
+    def write(steps, first):
+        results = Results(folder, "few")
+        made.append(results)
+        results.own.take()
+        results.prepare({"inputs": {"first": first}})
+        results.begin(np.zeros((6, 3)), np.arange(6).reshape(1, 6), "Triangle_6")
+        (results.folder / "case.toml").write_text(str(first))
+        for step in range(steps):
+            fields = {"displacement": np.full((6, 3), first + step), "p": np.full(6, float(step))}
+            results.add({"step": step, "pressure_cm": first}, fields, {"P": step})
+
+    write(3, 1.0)
+    made[-1].own.claim(["summary.json"])
+    (folder / "summary.json").write_text("{}")
+    made[-1].own.leave()
+    shutil.copytree(folder, old)
+    write(1, 2.0)
+    made[-1].own.leave()
+    shutil.copytree(folder, new)
+
+    def replay(moment):
+        count = [0]
+
+        def cut(function):
+            def counted(*arguments, **words):
+                count[0] += 1
+                if count[0] > moment:
+                    raise KeyboardInterrupt
+                return function(*arguments, **words)
+
+            return counted
+
+        with monkeypatch.context() as patch:
+            for name in ("replace", "rename", "unlink", "rmdir", "mkdir"):
+                patch.setattr(os, name, cut(getattr(os, name)))
+            try:
+                write(1, 2.0)
+            except KeyboardInterrupt:
+                return False
+            finally:
+                count[0] = -1000
+                made[-1].own.lock.release()
+        return True
+
+    return folder, old, new, replay
+
+
+def test_a_record_from_elsewhere_names_nothing_outside(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    for name in ("../mine.txt", "/etc/hostname", "..", "a/b"):
+        record = {"format": 1, "kind": "run", "files": [name], "about": {}}
+        (folder / ".softmodels.json").write_text(json.dumps(record))
+        assert OwnFolder(folder, "run").files == []
