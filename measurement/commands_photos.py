@@ -13,11 +13,14 @@ import numpy as np
 
 from measurement.column import DENSITY_ERROR, READING_ERROR, Column, ColumnError
 from measurement.outline import Outline
-from measurement.output_place import status_of, trouble
+from measurement.output_option import FolderType, open_folder, open_place
+from measurement.output_place import status_of
+from measurement.own_folder import OwnFolderError
 from measurement.photo import Refusal
 from measurement.photo_list import Photograph, PhotoListError, read_photos
 from measurement.pixels import TONES, Unmeasurable, read_photograph
 from measurement.reasons import reason
+from measurement.result_folder import ResultFolder
 from measurement.scaling import with_known_body
 from measurement.series import NoZero, Result, measure_all, zero_line
 from measurement.setup import Setup, SetupError
@@ -27,6 +30,9 @@ from measurement.zero import ZeroLine
 
 ALL_MEASURED, FAILED, UNUSABLE, SOME_REFUSED = 0, 1, 2, 3
 
+DEMO = ("photographs/", "setup.toml", "setup.png", "outlines/")
+"""What the demonstration writes into its folder."""
+
 HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error_m", "trusted", "remarks")
 
 
@@ -34,7 +40,8 @@ HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error
 @click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))
 @click.option("--setup", "setup_file", default=Path("setup.toml"), show_default=True, type=click.Path(path_type=Path),
               help="Camera and screen, from python -m measurement setup.")  # fmt: skip
-@click.option("-o", "--output", default=Path("outlines"), show_default=True, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: outlines; outlines-2 and so on "
+              "where that holds others]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
 @click.option("--tone", type=click.Choice([AUTO, *TONES]), default=AUTO, show_default=True,
               help="How the files store light: as a camera's JPEG, or in proportion; auto looks at the edge.")  # fmt: skip
@@ -50,7 +57,7 @@ HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error
 @click.option("--no-pictures", is_flag=True, help="Leave the pictures and the overview out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def photos(
-    listing: Path, setup_file: Path, output: Path, jobs: int | None, tone: str, water_density: str, density_error: str,
+    listing: Path, setup_file: Path, output: Path | None, jobs: int | None, tone: str, water_density: str, density_error: str,
     reading_error: str, body_width: str | None, no_pictures: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Measure the shadow's outline in every photograph of a list.
@@ -71,14 +78,28 @@ def photos(
         width = None if body_width is None else _width(body_width)
     except (ColumnError, PhotoListError, SetupError, UnitError) as error:
         _stop(str(error), UNUSABLE)
-    if why := trouble(output):
-        _stop(f"the folder {output} cannot be written: {why}", UNUSABLE)
-    sys.exit(_run(listed, setup, output, jobs or _cores(), tone, width, not no_pictures, quiet))
+    # Of the photographs only the names: their contents are gigabytes. Whoever replaces one has another list to measure.
+    photographs = [photo.file for photo in listed]
+    asked = {"tone": tone, "column": column, "width": width, "photographs": [(f.name, *_stamp(f)) for f in photographs]}
+    try:
+        folder = open_folder(output, Path("outlines"), "outlines", asked, [listing, setup_file])
+    except OwnFolderError as error:
+        _stop(str(error), UNUSABLE)
+    sys.exit(_run(listed, setup, folder, jobs or _cores(), tone, width, not no_pictures, quiet))
+
+
+def _stamp(file: Path) -> tuple[int, int]:
+    """Size and time of a photograph's file; zeros where there is none."""
+    try:
+        state = file.stat()
+    except OSError:
+        return 0, 0
+    return state.st_size, state.st_mtime_ns
 
 
 def _run(
-    listed: list[Photograph], setup: Setup, output: Path, jobs: int, tone: str, width: tuple[float, float] | None,
-    draw: bool, quiet: bool,
+    listed: list[Photograph], setup: Setup, folder: ResultFolder, jobs: int, tone: str,
+    width: tuple[float, float] | None, draw: bool, quiet: bool,
 ) -> int:  # fmt: skip
     try:
         zero = zero_line(listed, setup, tone)
@@ -89,13 +110,17 @@ def _run(
         _stop(str(error), UNUSABLE)
     except NoZero as error:
         _stop(str(error), UNUSABLE if not any(photo.is_zero for photo in listed) else FAILED)
-    edges = output / "edges"
     try:
-        (edges if draw else output).mkdir(parents=True, exist_ok=True)
-        results = _measure(listed, setup, zero, tone, jobs, edges if draw else None, quiet)
-        _write_numbers(output, results)
-        if draw:
-            _draw(output, results, setup, tone)
+        with folder.writing() as output:
+            edges = output / "edges"
+            if draw:
+                edges.mkdir()
+            results = _measure(listed, setup, zero, tone, jobs, edges if draw else None, quiet)
+            _write_numbers(output, results)
+            if draw:
+                _draw(output, results, setup, tone)
+    except OwnFolderError as error:
+        _stop(str(error), UNUSABLE)
     except OSError as error:
         _stop(f"the results cannot be written: {reason(error)}", status_of(error))
     refused = [result for result in results if isinstance(result.outcome, Refusal)]
@@ -103,7 +128,12 @@ def _run(
         for result in results:
             click.echo(_line(result))
         click.echo(_scale_words(setup, zero, width))
-        click.echo(f"{len(results) - len(refused)} of {len(results)} measured; written to {output}")
+        click.echo(f"{len(results) - len(refused)} of {len(results)} measured; written to {folder.path}")
+        for result in results:
+            if result.name != result.photograph.file.stem and isinstance(result.outcome, Outline):
+                click.echo(
+                    f"{result.photograph.file.name}: its outline is {result.name}.csv, for its own name is taken"
+                )
     for result in refused:
         assert isinstance(result.outcome, Refusal)
         click.echo(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
@@ -162,8 +192,6 @@ def _write_numbers(output: Path, results: list[Result]) -> None:
             photo, outcome = result.photograph, result.outcome
             first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
             if isinstance(outcome, Refusal):
-                # A refused photograph must not leave an earlier run's outline behind.
-                (output / f"{result.name}.csv").unlink(missing_ok=True)
                 rows.writerow((*first, "", "", "refused", outcome.reason))
             else:
                 outcome.to_csv(output / f"{result.name}.csv")
@@ -195,34 +223,32 @@ def _draw(output: Path, results: list[Result], setup: Setup, tone: str) -> None:
 
 
 @click.command()
-@click.option("-o", "--output", default=Path("demo"), show_default=True, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=FolderType(), help="Folder for all of it.  [default: demo; demo-2 and so on where that "
+              "is taken]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def demo(output: Path, jobs: int | None, quiet: bool) -> None:
+def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
     """Make a set of synthetic photographs, measure them, and say where the pictures are."""
     from measurement.demo import make_photographs
 
     try:
-        make_photographs(output / "photographs")
+        place = open_place(output, Path("demo"), "demonstration of the measurement", DEMO)
+        photographs = open_folder(place / "photographs", place, "photographs", {})
+        with photographs.writing() as folder:
+            make_photographs(folder)
+        photographs.leave()
+    except OwnFolderError as error:
+        _stop(str(error), UNUSABLE)
     except OSError as error:
-        _stop(f"the photographs cannot be written into {output}: {reason(error)}", status_of(error))
-    folder = output / "photographs"
+        _stop(f"the photographs cannot be written: {reason(error)}", status_of(error))
+    folder, setup_file, outlines = photographs.path, place / "setup.toml", place / "outlines"
     words = [
-        [
-            "setup",
-            str(folder / "IMG_0100.JPG"),
-            "--grid-pitch",
-            "9mm",
-            "--lens",
-            "none",
-            "-o",
-            str(output / "setup.toml"),
-        ],
-        ["photos", str(folder / "photos.csv"), "--setup", str(output / "setup.toml"), "-o", str(output / "outlines")],
+        ["setup", folder / "IMG_0100.JPG", "--grid-pitch", "9mm", "--lens", "none", "-o", setup_file],
+        ["photos", folder / "photos.csv", "--setup", setup_file, "-o", outlines],
     ]
     from measurement.commands_setup import setup
 
-    for command, (name, *rest) in zip((setup, photos), words, strict=True):
+    for command, (name, *rest) in zip((setup, photos), [list(map(str, line)) for line in words], strict=True):
         if not quiet:
             click.echo(f"$ python -m measurement {name} {' '.join(rest)}")
         more = (["--jobs", str(jobs)] if jobs else []) + (["--quiet"] if quiet else []) if name == "photos" else []
@@ -230,7 +256,7 @@ def demo(output: Path, jobs: int | None, quiet: bool) -> None:
         if status != 0:
             sys.exit(status)
     if not quiet:
-        click.echo(f"Look at {output / 'outlines' / 'overview.html'}")
+        click.echo(f"Look at {outlines / 'overview.html'}")
 
 
 def _status(command: click.Command, words: list[str]) -> int:

@@ -21,8 +21,10 @@ from measurement.camera import Camera, CameraError, frame_points
 from measurement.grid import GridError, GridPoints, counted_from, find_grid
 from measurement.known_points import plane_of_points, plane_of_scale
 from measurement.lens import Exif, lens_profile, read_exif
+from measurement.output_file import check_output_file, has_table, is_drawn
 from measurement.output_place import status_of, trouble
 from measurement.overlay import draw_points, read_picture
+from measurement.own_folder import OwnFolderError, is_same
 from measurement.plane import Plane, PlaneError
 from measurement.reasons import reason
 from measurement.setup import Setup, SetupError, magnification
@@ -57,8 +59,10 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     """
     _check_place(output)
     try:
+        check_output_file(output, photographs, lambda file: has_table("camera")(file) and not has_table("plane")(file),
+                          "the camera file", "-o")  # fmt: skip
         made = calibrated(photographs, _pattern(pattern), _length(pitch))
-    except (UnitError, SetupError) as error:
+    except (OwnFolderError, UnitError, SetupError) as error:
         _stop(str(error), UNUSABLE)
     except CameraError as error:
         _stop(str(error), UNMEASURED)
@@ -116,7 +120,8 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("setup.toml"), show_default=True,
               help="Setup file to write, for photos --setup.")  # fmt: skip
 @click.option("--overlay", type=click.Path(path_type=Path),
-              help="Picture of what was found.  [default: OUTPUT with the ending .png]")  # fmt: skip
+              help="Picture of what was found.  [default: OUTPUT with the ending .png, or -overlay.png where that "
+              "is taken]")  # fmt: skip
 def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) -> None:
     """Find the screen's plane in a PHOTOGRAPH of its grid, of a board, or of known points.
 
@@ -125,11 +130,11 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
     \b
     Exit status: 0 done; 2 the input cannot be used, as where no grid is found; 1 failed.
     """
-    shown = overlay if overlay is not None else output.with_suffix(".png")
-    for place in (output, shown):
+    for place in (output, overlay or output):
         _check_place(place)
     try:
         _check_given(given)
+        shown = _places(photograph, output, overlay, given["lens"])
         picture = read_picture(photograph)
         height, width = picture.shape[:2]
         pitch = _length(given["grid_pitch"])
@@ -148,7 +153,7 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
             made = dataclasses.replace(made, zero=made.to_metres(ends))
     except GridError as error:
         _stop(f"{photograph}: {error}", UNUSABLE)
-    except (CameraError, PlaneError, SetupError, UnitError) as error:
+    except (CameraError, OwnFolderError, PlaneError, SetupError, UnitError) as error:
         _stop(str(error), UNUSABLE)
     try:
         draw_points(shown, picture, camera, plane)
@@ -189,6 +194,24 @@ def _check_given(given: dict[str, Any]) -> None:
             if name in told:
                 flag = {"body": "camera"}.get(name, name.replace("_", "-"))
                 raise SetupError(f"--{flag} says nothing beside {cause}; leave one of them out")
+
+
+def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> Path:
+    """Where the overlay goes: beside the setup, under another name where that is the photograph's or somebody else's.
+
+    Raises:
+        OwnFolderError: The setup or the overlay would replace what is not the program's.
+    """
+    inputs = (photograph, Path(lens))
+    check_output_file(output, inputs, has_table("plane"), "the setup", "-o")
+    if overlay is None:
+        overlay = output.with_suffix(".png")
+        if any(is_same(overlay, file) for file in inputs) or (overlay.is_file() and not is_drawn(overlay)):
+            overlay = output.with_name(f"{output.stem}-overlay.png")
+    check_output_file(overlay, (*inputs, output), is_drawn, "the picture of what was found", "--overlay")
+    if overlay == output:
+        raise OwnFolderError(f"{output} cannot be both the setup and its picture; give another --overlay")
+    return overlay
 
 
 def _plane(

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from measurement.camera import Camera, CameraError, Points
+from measurement.output_file import MARK
 from measurement.picture_file import PictureError, read_pixels
 from measurement.plane import Plane
 
@@ -59,4 +63,12 @@ def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: P
     for (x, y), target in zip(placed(camera.distort(plane.points)), plane.targets, strict=True):
         radius = 5 * thick * (2 if np.allclose(target, 0.0) else 1)  # the origin is the large one
         cv2.circle(canvas, (int(x), int(y)), radius * 16, POINT, thick, cv2.LINE_AA, shift=4)
-    Image.fromarray(canvas).save(path)
+    texts = PngInfo()
+    texts.add_text("Software", MARK)  # by which a later setup knows that it may replace the picture
+    whole = path.with_name(f".{os.getpid()}-{path.name}")
+    try:
+        more: dict[str, Any] = {"pnginfo": texts} if path.suffix.lower() == ".png" else {}
+        Image.fromarray(canvas).save(whole, **more)
+        whole.replace(path)
+    finally:
+        whole.unlink(missing_ok=True)

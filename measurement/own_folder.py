@@ -130,6 +130,10 @@ class OwnFolder:
                 "away, or take another folder (--output)"
             )
 
+    def _inside(self, name: str) -> set[str]:
+        """Files that are recorded inside a folder of the program's own."""
+        return set((self.record or {}).get("inside", {}).get(name, ()))
+
     def check_inputs(self, inputs: Iterable[Path]) -> None:
         """Refuse inputs that lie among the results which are to be replaced.
 
@@ -206,7 +210,7 @@ class OwnFolder:
         own, gone = self.files, set(names)
         for name in own:
             if name in gone:
-                _remove(self.path, name)
+                _remove(self.path, name, self._inside(name))
         if gone & set(own):
             self._write([name for name in own if name not in gone], self.about)
 
@@ -233,11 +237,23 @@ class OwnFolder:
         incoming = {
             file.name + "/" * file.is_dir(): sorted(inner.name for inner in file.iterdir()) if file.is_dir() else []
             for file in sorted(self._prepared.iterdir())
+            if not file.name.startswith(".")  # something half written
         }
         self.check_names(incoming)
+        for name, inner in incoming.items():
+            for file in inner:
+                if file not in self._inside(name) and (self.path / name / file).exists() and not _is_step(file):
+                    raise OwnFolderError(
+                        f"{self.path / name / file} is there and was not written by this program, so it is not replaced; "
+                        "move it away, or take another folder (--output)"
+                    )
         # Both the earlier and the new names are the program's from here on.
         names = [*dict.fromkeys([*self.files, *incoming])]
-        self._write(names, self.about, {"incoming": incoming, "incoming_about": dict(about)})
+        inside = {name: sorted({*inner, *self._inside(name)}) for name, inner in incoming.items() if inner}
+        before = {name: sorted(self._inside(name)) for name in self.files if name.endswith("/") and name not in inside}
+        self._write(
+            names, self.about, {"inside": {**before, **inside}, "incoming": incoming, "incoming_about": dict(about)}
+        )
         self.mend()
 
     def mend(self) -> None:
@@ -254,20 +270,24 @@ class OwnFolder:
                     source.replace(target)
             elif source.is_dir():
                 target.mkdir(exist_ok=True)
-                _remove_inside(target, keep=inner)
+                _remove_inside(target, self._inside(name) - set(inner), keep=inner)
                 for file in sorted(source.iterdir()):
                     file.replace(target / file.name)
                 source.rmdir()
         for name in record["files"]:
             if name not in incoming:
-                _remove(self.path, name)
-        self._write(list(incoming), record.get("incoming_about", {}))
+                _remove(self.path, name, self._inside(name))
+        inside = {name: inner for name, inner in incoming.items() if inner and not all(map(_is_step, inner))}
+        self._write(list(incoming), record.get("incoming_about", {}), {"inside": inside} if inside else {})
         shutil.rmtree(self._prepared, ignore_errors=True)
 
     def _write(self, files: list[str], about: Mapping[str, Any], more: Mapping[str, Any] | None = None) -> None:
+        if more is None:
+            inside = {name: inner for name, inner in (self.record or {}).get("inside", {}).items() if name in files}
+            more = {"inside": inside} if inside else {}
         record = {
             "written_by": "softmodels", "version": version(), "format": FORMAT, "kind": self.kind, "files": files,
-            "about": dict(about), **(more or {}),
+            "about": dict(about), **more,
         }  # fmt: skip
         replace_text(self._record, json.dumps(record, indent=1) + "\n")
 
@@ -350,26 +370,28 @@ def _some(names: list[str]) -> str:
     return ", ".join(map(repr, names[:3])) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
-STEP_FILE = r"\d{4,}\.h5|[^/]+\.png"
-"""What the program writes into folders of its own inside a folder of results."""
+def _is_step(name: str) -> bool:
+    """Whether a file in a folder of steps is one of a run's: they come and go too often to be recorded one by one."""
+    return re.fullmatch(r"\d{4,}\.h5(\.part)?", name) is not None
 
 
-def _remove_inside(folder: Path, keep: Iterable[str] = ()) -> None:
+def _remove_inside(folder: Path, names: Iterable[str] = (), keep: Iterable[str] = ()) -> None:
+    gone, kept = set(names), set(keep)
     for file in folder.iterdir():
-        if file.name not in set(keep) and re.fullmatch(STEP_FILE, file.name.removesuffix(".part")):
+        if file.name not in kept and (file.name in gone or _is_step(file.name)):
             file.unlink(missing_ok=True)
 
 
-def remove_steps(folder: Path) -> None:
-    """Take away a folder of the program's own inside a folder of results; somebody else's files stay, and the folder then."""
+def remove_steps(folder: Path, names: Iterable[str] = ()) -> None:
+    """Take away a folder inside a folder of results: steps, and files by name. Where others are in it, they stay in it."""
     if folder.is_dir() and not folder.is_symlink():
-        _remove_inside(folder)
+        _remove_inside(folder, names)
         with contextlib.suppress(OSError):  # something of the user's is in it
             folder.rmdir()
 
 
-def _remove(folder: Path, name: str) -> None:
-    """Take a recorded file away; of a folder what the program writes there, and the folder if nothing else is in it."""
+def _remove(folder: Path, name: str, inside: Iterable[str] = ()) -> None:
+    """Take a recorded file away; of a folder what is recorded inside, and the folder if nothing else is in it."""
     path = folder / name
     if not name.endswith("/"):
         if not path.is_dir():
@@ -381,4 +403,4 @@ def _remove(folder: Path, name: str) -> None:
             _remove(path, own)
         if inner.record is not None:
             (path / RECORD).unlink(missing_ok=True)
-        remove_steps(path)
+        remove_steps(path, inside)

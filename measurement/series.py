@@ -233,13 +233,19 @@ def _measure_one(
     return Result(photo, outcome, name, sample)
 
 
+RESERVED = ("heights", "profiles", "steps", "animation", "overview")
+"""Stems of what a run writes beside its outlines: a photograph of such a name must not take the table's place."""
+
+
 def _names(photographs: Sequence[Photograph]) -> list[str]:
-    """A stem per photograph; the whole file name where two would share one."""
-    stems = [photo.file.stem for photo in photographs]
+    """A stem per photograph; the whole file name where two would share one, also where capitals do not count."""
+    stems = [photo.file.stem.casefold() for photo in photographs]
     names: list[str] = []
     for photo, stem in zip(photographs, stems, strict=True):
-        name = stem if stems.count(stem) == 1 else photo.file.name.replace(".", "_")
-        while name in names:
+        name = photo.file.stem if stems.count(stem) == 1 else photo.file.name.replace(".", "_")
+        if not name.strip("."):
+            name = f"_{name}"
+        while name.casefold() in (*RESERVED, *(other.casefold() for other in names)):
             name += "_"
         names.append(name)
     return names

@@ -13,7 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.options import QuantityType
-from measurement.output_place import status_of, trouble
+from measurement.output_option import FolderType, open_folder
+from measurement.output_place import status_of
+from measurement.own_folder import OwnFolderError
 from measurement.units import exact_text
 from softmodels.commandline import fail
 from softmodels.fit_report import shown
@@ -78,8 +80,9 @@ class Shown:
 @specimen_options
 @click.option("--no-pictures", is_flag=True, help="Leave the picture out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("results/curve"), show_default=True)
-def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Path, no_pictures: bool, quiet: bool,
+@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/curve; "
+              "results/curve-2 and so on where that holds other curves]")  # fmt: skip
+def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Path | None, no_pictures: bool, quiet: bool,
           **options: Any) -> None:  # fmt: skip
     """Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.
 
@@ -101,33 +104,36 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
             raise MaterialError("nothing to show; give a material with --material NAME")
         materials = [read_material(text, incompressible) for text in names]
         check_curves_given({name: value for name, value in options.items() if name not in ("radius", "thickness")})
-        if why := trouble(output):
-            raise TensileError(f"the folder {output} cannot be written ({why})")
+        asked = {**options, "names": names, "stretch": stretch, "incompressible": incompressible}
+        files = [Path(name) for name in names] + [Path(text.rpartition(":")[0] or text) for text in options["tensile"]]
+        folder = open_folder(output, Path("results/curve"), "curves", asked, files) if speaks() else None
         measured = read_curves(options) if options["tensile"] else []
         if min(options["radius"], options["thickness"]) <= 0.0 or options["thickness"] > options["radius"]:
             raise TensileError(
                 "the balloon's radius and thickness must be above zero, and the wall thinner than the radius"
             )
-    except (MaterialError, TensileError) as error:
+    except (MaterialError, OwnFolderError, TensileError) as error:
         fail(str(error))
     stretches = np.linspace(low, high, POINTS)
     many = [Shown.of(name, material, stretches) for name, material in zip(names, materials, strict=True)]
     ratio = options["thickness"] / options["radius"]
-    if not speaks():
+    if folder is None:
         return
     try:
-        output.mkdir(parents=True, exist_ok=True)
-        _write(output / "curves.csv", many, ratio)
-        if not no_pictures:
-            from softmodels.curve_pictures import draw
+        with folder.writing() as place:
+            _write(place / "curves.csv", many, ratio)
+            if not no_pictures:
+                from softmodels.curve_pictures import draw
 
-            (output / "curves.png").write_bytes(draw(many, measured, options["radius"], options["thickness"]))
+                (place / "curves.png").write_bytes(draw(many, measured, options["radius"], options["thickness"]))
+    except OwnFolderError as error:
+        fail(str(error))
     except OSError as error:
         fail(f"the results cannot be written ({error.strerror or error})", status_of(error))
     if not quiet:
         for one in many:
             click.echo(as_text(one, ratio))
-        click.echo(f"written to {output}")
+        click.echo(f"written to {folder.path}")
 
 
 def read_material(text: str, incompressible: bool = False) -> Material:

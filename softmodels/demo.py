@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shutil
 import tempfile
 import tomllib
 from collections.abc import Callable, Sequence
@@ -18,7 +17,9 @@ import numpy.typing as npt
 from geometries import HollowDisk
 from geometries.apart import interpreter
 from measurement.demo import FLOOR, SCENE
-from measurement.output_place import status_of, trouble
+from measurement.output_option import FolderType, open_folder, open_place
+from measurement.output_place import status_of
+from measurement.own_folder import OwnFolderError
 from measurement.synthetic import Scene, photograph, save
 from measurement.units import pascal_per_cm
 from softmodels import material_table
@@ -30,6 +31,8 @@ from softmodels.simulated_outlines import half_outline, readings_of
 
 Array = npt.NDArray[np.float64]
 
+WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
+"""What the demonstration writes into its folder."""
 CENTRE = 1.3e-3
 """Where the device's axis stands along the screen in m: nobody knows it."""
 LEAK = 0.01
@@ -152,10 +155,11 @@ def compared(folder: Path, truth: Truth) -> tuple[list[str], bool]:
 
 
 @click.command()
-@click.option("-o", "--output", default=Path("demo"), show_default=True, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=FolderType(), help="Folder for all of it.  [default: demo; demo-2 and so on where that "
+              "is taken]")  # fmt: skip
 @click.option("--megapixels", type=click.FloatRange(1.0, 50.0), default=18.0, show_default=True,
               help="Size of the photographs; 18 is the thesis' camera.")  # fmt: skip
-def demo(output: Path, megapixels: float) -> None:
+def demo(output: Path | None, megapixels: float) -> None:
     """Go once around: simulate a known silicone, photograph it, measure the photographs, fit, and compare.
 
     Takes a few minutes with 18 megapixels. Exit status: 0 if every 95 % interval holds the truth, else 1.
@@ -166,27 +170,29 @@ def demo(output: Path, megapixels: float) -> None:
     from softmodels.commandline import fail
     from softmodels.parallel import start
 
-    if why := trouble(output):
-        fail(f"the folder {output} cannot be written ({why})")
     comm = start()
     if comm.size > 1:
         fail("the demonstration runs on one process")
     try:
-        shutil.rmtree(output / "photographs", ignore_errors=True)
-        output.mkdir(parents=True, exist_ok=True)
-        write_case(output, TRUTH)
+        place = open_place(output, Path("demo"), "demonstration of the whole loop", WRITTEN)
+        write_case(place, TRUTH)
         click.echo("simulating the true device")
         _, halves = inflated(TRUTH, comm)
-        take_photographs(output / "photographs", TRUTH, halves, scene_of(megapixels), click.echo)
+        photographs = open_folder(place / "photographs", place, "photographs", {})
+        with photographs.writing() as folder:
+            take_photographs(folder, TRUTH, halves, scene_of(megapixels), click.echo)
+        photographs.leave()
+    except OwnFolderError as error:
+        fail(str(error))
     except OSError as error:
         fail(f"the demonstration cannot be written ({error.strerror or error})", status_of(error))
-    for module, words in commands(output, TRUTH):
+    for module, words in commands(place, TRUTH):
         click.echo(f"$ python -m {module} {' '.join(words)}")
         status = subprocess.run([*interpreter(), "-m", module, *words], check=False).returncode
         if status != DONE:
-            fail(f"{module} {words[0]} ended with exit status {status}; the files up to there are in {output}", FAILED)
-    lines, good = compared(output, TRUTH)
+            fail(f"{module} {words[0]} ended with exit status {status}; the files up to there are in {place}", FAILED)
+    lines, good = compared(place, TRUTH)
     click.echo("\n".join(["against the truth:", *lines]))
     report = {"good": good, "lines": lines}
-    (output / "compared.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    (place / "compared.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     sys.exit(DONE if good else FAILED)

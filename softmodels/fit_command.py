@@ -12,7 +12,10 @@ from typing import Any
 import click
 
 from geometries.options import QuantityType
-from measurement.output_place import status_of, trouble
+from measurement.output_option import FolderType, open_folder
+from measurement.output_place import status_of
+from measurement.own_folder import OwnFolderError
+from measurement.result_folder import ResultFolder
 from measurement.units import UnitError, quantity
 from softmodels.believable import expected, hold_against, stretch_of
 from softmodels.commandline import fail
@@ -26,7 +29,7 @@ from softmodels.law_choice import ALL, LawChoice
 from softmodels.law_stability import judge
 from softmodels.materials import LAWS
 from softmodels.outcomes import DONE, FAILED
-from softmodels.parallel import speaks
+from softmodels.parallel import on_root, speaks, start
 from softmodels.progress import Progress
 from softmodels.soundness import NOTHING
 from softmodels.tensile import TensileCurve, TensileError
@@ -67,7 +70,8 @@ from softmodels.tensile_options import check_curves_given, read_curves, specimen
 @click.option("--no-profiles", is_flag=True, help="Leave the profile likelihoods out: intervals from the covariance.")
 @click.option("--no-pictures", is_flag=True, help="Leave the pictures and the page out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("results/fit"), show_default=True)
+@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/fit; results/fit-2 "
+              "and so on where that holds another fit]")  # fmt: skip
 def fit_material(**options: Any) -> None:
     """Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.
 
@@ -94,20 +98,26 @@ def fit_material(**options: Any) -> None:
     Exit status: 0 done; 1 no law could be fitted soundly: the reason is reported, and what was found is in unsound.toml, not in
     fitted.toml; 2 bad input.
     """
-    if options["output"].exists() and not options["output"].is_dir():
-        fail(f"the results cannot be written: {options['output']} is a file, not a folder")
+    comm = start() if options["files"] else None
+    folder: list[ResultFolder] = []  # of rank 0
     try:
+        if comm is not None:
+            on_root(comm, lambda: folder.append(_folder(options)))
+        elif speaks():
+            folder.append(_folder(options))
         report = _report(options)
+        if folder:
+            with folder[0].writing() as place:
+                write(report, place, not options["no_pictures"])
+                retire(folder[0].path, {file.name for file in place.iterdir()})
     except UnsoundError as error:
-        _put_away(options["output"])
+        _put_away(folder)
         fail(str(error), FAILED)
-    except (FitError, TensileError, UnitError) as error:
+    except (FitError, TensileError, UnitError, OwnFolderError) as error:
         fail(str(error))
+    except OSError as error:
+        fail(f"the results cannot be written ({error.strerror or error})", status_of(error))
     if speaks():
-        try:
-            write(report, options["output"], not options["no_pictures"])
-        except OSError as error:
-            fail(f"the results cannot be written ({error.strerror or error})", status_of(error))
         if not options["quiet"]:
             click.echo(as_text(report))
         if report.apart:
@@ -115,7 +125,7 @@ def fit_material(**options: Any) -> None:
         if not options["quiet"]:
             for text in report.chosen.judgement.notes:
                 click.echo(text)
-            click.echo(_closing(report, options["output"]))
+            click.echo(_closing(report, folder[0].path))
     if speaks() and not report.chosen.sound:
         click.echo(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
     sys.exit(DONE if report.chosen.sound else FAILED)
@@ -130,11 +140,18 @@ def _closing(report: Report, folder: Path) -> str:
     )
 
 
-def _put_away(folder: Path) -> None:
+def _put_away(folders: Sequence[ResultFolder]) -> None:
     """Rename what an earlier fit has left, so that nobody takes it for this one's."""
-    if speaks():
+    for folder in folders:
         with contextlib.suppress(OSError):
-            retire(folder)
+            retire(folder.path)
+
+
+def _folder(options: dict[str, Any]) -> ResultFolder:
+    """Where the results go; taken before anything is computed."""
+    named = [Path(text) if Path(text).exists() else Path(text.rpartition(":")[0]) for text in options["tensile"]]
+    files = [*options["files"], *named, *([options["heights"]] if options["heights"] else [])]
+    return open_folder(options["output"], Path("results/fit"), "fit", options, files)
 
 
 def _report(options: dict[str, Any]) -> Report:
@@ -142,8 +159,6 @@ def _report(options: dict[str, Any]) -> Report:
     if not device and (options["heights"] or options["free"] or options["untrusted"] or options["without"]):
         raise FitError("--heights, --free, --untrusted and --without are about a device; give its case file first")
     check_curves_given(options if device else {**options, "tensile": True})
-    if why := trouble(options["output"]):
-        raise FitError(f"the folder {options['output']} cannot be written ({why})")
     curves = read_curves(options) if options["tensile"] or not device else []
     choices = law_choices(options["laws"], options["poisson"])
     error = StressError.from_text(options["stress_error"])
@@ -304,7 +319,6 @@ def read_prior(value: str, unit: str) -> dict[str, Prior]:
 
 def write(report: Report, folder: Path, draw: bool) -> None:
     """Write the material files, every number, the curves, the pictures and the page."""
-    folder.mkdir(parents=True, exist_ok=True)
     own: dict[str, str] = {}
     if report.apart:
         for curve, one in zip(report.apart.curves, report.apart.own, strict=True):

@@ -16,7 +16,10 @@ import numpy as np
 from geometries import Actuator, GeometryError, HollowDisk, MeshingError
 from geometries.fields import shown
 from geometries.options import QuantityType, check_meaning, device_options, device_told
-from measurement.output_place import status_of, trouble
+from measurement.output_option import FolderType, open_folder
+from measurement.output_place import status_of
+from measurement.own_folder import OwnFolderError
+from measurement.result_folder import ResultFolder
 from measurement.units import WATER_DENSITY
 from softmodels.body import BodyError
 from softmodels.case import Case, CaseError
@@ -27,7 +30,7 @@ from softmodels.material_table import material_from, material_names, material_op
 from softmodels.materials import Material, MaterialError
 from softmodels.obstacle import ObstacleError
 from softmodels.outcomes import FAILED
-from softmodels.parallel import abort_on_error, is_root, start
+from softmodels.parallel import abort_on_error, is_root, on_root, start
 from softmodels.results import write_text
 from softmodels.stability_report import unseen
 
@@ -62,14 +65,19 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
             raise CaseError("--samples and --normal are about tolerances; give one with --vary")
         asked = _as_asked(case, device, materials, water_density)
         cm = asked.cm
-        folder = output or (Path("results") / "limit" if tolerances else None)
-        if folder is not None and (why := trouble(folder)):
-            raise CaseError(f"the folder {folder} cannot be written ({why})")
     except (CaseError, GeometryError, MaterialError) as error:
         fail(str(error))
     comm = start()
     abort_on_error(comm)
     spread: list[Any] = []
+    folder: list[ResultFolder] = []  # of rank 0
+    if output is not None or tolerances:
+        given = {**values, "vary": vary, "count": count, "normal": normal, "material": material, "cm": cm}
+        files = [path for path in (file, *map(Path, material)) if path is not None and path.is_file()]
+        try:
+            on_root(comm, lambda: folder.append(open_folder(output, Path("results/limit"), "limits", given, files)))
+        except OwnFolderError as error:
+            fail(str(error))
     try:
         around = (asked.sheet, asked.obstacle, asked.formulation)
         limits = find_limit(device, list(materials.values()), comm, *around)
@@ -96,11 +104,15 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
         )
     if spread:
         click.echo(_scatter_text(spread, tolerances, cm, working_cm))
-    if folder is not None:
+    if folder:
         try:
-            _write(folder, table, spread, tolerances, cm, working_cm, limits[0])
+            with folder[0].writing() as place:
+                _write(place, table, spread, tolerances, cm, working_cm, limits[0])
+        except OwnFolderError as error:
+            fail(str(error))
         except OSError as error:
-            fail(f"the tables cannot be written into {folder} ({error.strerror or error})", status_of(error))
+            fail(f"the tables cannot be written into {folder[0].path} ({error.strerror or error})", status_of(error))
+        click.echo(f"tables in {folder[0].path}")
 
 
 def _as_asked(
@@ -220,7 +232,6 @@ def _write(
     folder: Path, table: list[dict[str, Any]], spread: list[Any], tolerances: Sequence[Tolerance], cm: float,
     working_cm: float | None, nominal: Limit,
 ) -> None:  # fmt: skip
-    folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
     _csv(folder / "limit.csv", table)
     if spread:
@@ -233,7 +244,6 @@ def _write(
             pressures = [(changes, found.pressure / cm) for changes, found in counted]
             figure = scatter_figure(pressures, tolerances, what, nominal.pressure / cm, working_cm)
             figure.savefig(folder / "scatter.png")
-    click.echo(f"tables in {folder}")
 
 
 def _csv(path: Path, rows: list[dict[str, Any]]) -> None:
@@ -249,7 +259,8 @@ def _command() -> click.Command:
     made = device_options(HollowDisk)(made)
     text = f"Density of the column's liquid.  [default: the case's, or {WATER_DENSITY:g}kg/m^3]"
     made = click.option("--water-density", type=QuantityType("kg/m^3"), help=text)(made)
-    made = click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for tables and picture.")(made)
+    text = "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
+    made = click.option("-o", "--output", type=FolderType(), help=text)(made)
     made = click.option("--normal", is_flag=True, help="Tolerances are two standard deviations; else all in them are as "
                         "likely.")(made)  # fmt: skip
     made = click.option("--samples", "count", type=click.IntRange(2, 4096),

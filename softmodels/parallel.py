@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import os
+import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -55,6 +56,9 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
         raise StartError(
             f"PETSc does not start with the words {words!r} ({petsc_reason(error)}); check what follows --"
         ) from None
+    if hasattr(signal, "SIGPIPE"):
+        # As Python has it: PETSc would end the program where the reader of its log has gone.
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     from mpi4py import MPI
 
     return MPI.COMM_WORLD

@@ -145,9 +145,10 @@ def test_unreadable(tmp_path):
 
 def test_setup_is_kept_when_its_picture_or_itself_cannot_be_written(tmp_path):
     path, output = save(tmp_path / "photo.png", grid()), tmp_path / "setup.toml"
-    output.write_text("earlier")
+    earlier = 'plane = "earlier"'
+    output.write_text(earlier)
     done = run("setup", path, "--lens", "none", "-o", output, "--overlay", tmp_path / "no" / "such.png")
-    assert (done.exit_code, output.read_text()) == (2, "earlier")
+    assert (done.exit_code, output.read_text()) == (2, earlier)
     assert "cannot be written" in done.stderr
     assert run("setup", path, "--lens", "none", "-o", tmp_path / "no" / "setup.toml").exit_code == 2
 

@@ -156,7 +156,7 @@ def test_bad_input_that_is_noticed_late_leaves_the_last_results(words, runs, cop
 def test_a_mesh_that_fails_leaves_the_last_results_and_no_new_folder(says, copy, monkeypatch, tmp_path):
     from geometries import MeshingError
 
-    def fail(self, path):
+    def fail(self, path, *_):
         Path(path).write_text("half a mesh")
         raise MeshingError("no cells")
 

@@ -17,6 +17,7 @@ from click.testing import CliRunner
 
 from geometries import HollowDisk
 from measurement.outline import Outline
+from measurement.own_folder import OwnFolder
 from softmodels.case import Case
 from softmodels.fit_command import fit_material
 from softmodels.law_choice import LawChoice
@@ -162,13 +163,16 @@ def test_outlines_of_another_device_end_badly(measured, outlines, tmp_path):
     file, output = tmp_path / "other.toml", tmp_path / "fit"
     other = dataclasses.replace(DISK, cavity_radius=0.016)
     file.write_text(Case("disk", other, Yeoh(14e3, 600.0), pressures_cm=(0.0, 100.0)).to_toml())
+    own = OwnFolder(output, "fit")
     output.mkdir()
+    own.claim(["fitted.toml"])
     (output / "fitted.toml").write_text('[material]\nlaw = "yeoh"\n[fit]\n')
     (output / "fitted-mine.toml").write_text("my own notes")
     done = fit(file, outlines(*measured), *WORDS, "-o", output)
     assert done.exit_code == 1, done.output
     assert "of another device" in done.stderr and "mm wide at half its height" in done.stderr
-    assert sorted(path.name for path in output.iterdir()) == ["earlier-fitted.toml", "fitted-mine.toml"]
+    names = [".softmodels.json", "earlier-fitted.toml", "fitted-mine.toml"]
+    assert sorted(path.name for path in output.iterdir()) == names
 
 
 def test_a_wrong_row_is_named_and_can_be_left_out(measured, case, outlines, tmp_path):
