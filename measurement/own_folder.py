@@ -47,7 +47,7 @@ class OwnFolder:
         stem = f"{HIDDEN}-{part}" if part else HIDDEN
         self._record, self._prepared = self.path / f"{stem}.json", self.path / f"{stem}-new"
         self.lock = FolderLock(self._record.with_suffix(".lock"))
-        self._made = False
+        self._made: list[Path] = []
 
     # -- what is known of it ---------------------------------------------------------------------------------------
 
@@ -164,7 +164,7 @@ class OwnFolder:
         if self.lock.held:
             return
         self.check()
-        self._made = not self.path.exists()
+        self._made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
         self.path.mkdir(parents=True, exist_ok=True)
         self.lock.take(wait)
         try:
@@ -184,9 +184,9 @@ class OwnFolder:
             if not self.files and self._record.exists() and (self._record.name != RECORD or self.is_free):
                 self._record.unlink()
         self.lock.release()
-        if self._made:
+        for folder in self._made:
             with contextlib.suppress(OSError):  # there is something in it
-                self.path.rmdir()
+                folder.rmdir()
 
     # -- writing ---------------------------------------------------------------------------------------------------
 

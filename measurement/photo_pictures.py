@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from measurement.outline import Outline
 from measurement.photo import Refusal
 from measurement.pixels import Pixels
+from measurement.plain_text import plain
 from measurement.setup import Setup
 from measurement.tracing import Traced
 
@@ -136,4 +137,4 @@ def _show(axes: Axes, small: Pixels, factor: float) -> None:
 
 
 def _wrapped(text: str, width: int = 105) -> str:
-    return "\n".join(textwrap.wrap(text, width)[:3])
+    return "\n".join(plain(line) for line in textwrap.wrap(text, width)[:3])

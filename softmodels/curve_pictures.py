@@ -10,6 +10,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from measurement.plain_text import plain
 from softmodels.fit_pictures import BOTH, NAMES, as_png, line
 from softmodels.pages import DPI, INK, STYLE, WARNING, WIDTH
 from softmodels.specimens import MODE_NAMES
@@ -34,7 +35,7 @@ def draw(many: Sequence[Shown], measured: Sequence[TensileCurve], radius: float,
         for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
             for i, one in enumerate(many):
                 stress = one.responses[mode].stress / 1e3
-                axes.plot(one.stretch, stress, label=one.name, **line(i))
+                axes.plot(one.stretch, stress, label=plain(one.name), **line(i))
                 _mark(axes, one, mode, stress)
             for curve, marker in zip(measured, itertools.cycle("osd^v"), strict=False):
                 if curve.mode == mode:
@@ -46,7 +47,7 @@ def draw(many: Sequence[Shown], measured: Sequence[TensileCurve], radius: float,
                         mfc="none",
                         mec=INK,
                         mew=0.7,
-                        label=curve.name,
+                        label=plain(curve.name),
                     )
             axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
             names = BOTH if many[0].stretch[0] < 0.99 else NAMES

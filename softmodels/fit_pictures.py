@@ -12,6 +12,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from measurement.plain_text import plain
 from softmodels.fit_report import (
     Fitted,
     Report,
@@ -50,7 +51,7 @@ def draw_curves(report: Report) -> Figure:
             stress = gauge * respond(one.material, stretch, curve.mode).stress
             axes.plot(stretch, stress / 1e3, label=one.choice.name, **line(i))
         names = BOTH if curve.stretch[0] < 0.99 else NAMES
-        axes.set_title(f"{names[curve.mode]}\n{curve.name}")
+        axes.set_title(f"{names[curve.mode]}\n{plain(curve.name)}")
         axes.set_xlabel("stretch")
         axes.set_ylabel("nominal stress (kPa)")
         measured = curve.stress / 1e3
@@ -73,7 +74,7 @@ def draw_residuals(report: Report) -> Figure:
         for i, one in enumerate(report.laws):
             stress = _gauge(one, report, curve) * respond(one.material, curve.stretch, curve.mode).stress
             axes.plot(curve.stretch, (stress - curve.stress) / 1e3, label=one.choice.name, marker=".", ms=4, **line(i))
-        axes.set_title(curve.name)
+        axes.set_title(plain(curve.name))
         axes.set_xlabel("stretch")
         axes.set_ylabel("fitted less measured (kPa)")
         # A law that fits badly must not flatten the others' residuals to a line.
@@ -81,7 +82,7 @@ def draw_residuals(report: Report) -> Figure:
         reach = 1.15 * min(max(sizes), 8 * min(sizes))
         if max(sizes) * 1.15 > reach:
             axes.set_ylim(-reach, reach)
-            axes.set_title(f"{curve.name}\n(the worst laws leave the picture)")
+            axes.set_title(f"{plain(curve.name)}\n(the worst laws leave the picture)")
     panels[0].legend(loc="best")
     return figure
 

@@ -138,7 +138,7 @@ def test_quiet_and_without_pictures(says, folder, tmp_path):
         "fit", "--tensile", "uniaxial.csv", "--quiet", "--no-pictures", "--no-profiles", "-o", str(out)
     )
     assert (status, said, complaint) == (0, "", "")
-    assert sorted(path.name for path in out.iterdir()) == ["curves.csv", "fit.json", "fitted.toml"]
+    assert sorted(path.name for path in out.iterdir()) == [".softmodels.json", "curves.csv", "fit.json", "fitted.toml"]
 
 
 def test_fix_bounds_and_priors(says, tmp_path):

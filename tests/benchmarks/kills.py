@@ -1,0 +1,223 @@
+"""Random kills: runs, fits and measurements are killed at random moments, and end in the numbers of those left alone.
+
+Run it with ``python tests/benchmarks/kills.py`` (50 kills over all kinds, half an hour on two cores), with ``--count`` and
+``--kind`` for fewer. Of each kind one run is left alone; another is killed (SIGKILL; every third SIGTERM or SIGINT) at a random
+share of the time that took, and gone on with, up to three times. Then every column of path.csv is compared, each number to
+1e-9 of the column's largest; a fit's or measurement's tables byte by byte. Between kills every file that is there is whole.
+
+Exit status: 0 if nothing differs, else 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+TOLERANCE = 1e-9
+MOST_KILLS = 3
+"""Of one run before it is let through."""
+WORDS = ("following",)
+"""Columns that hold words."""
+UNCOMPARED = ("newton_iterations",)
+"""How a state was reached, not what it is."""
+
+DISK = ("-m", "softmodels.disk", "--no-pictures", "--quiet")
+SHADOW = ("--variant", "shadow", "--section", "axisymmetric")
+COARSE = ("--cell-size", "6mm", "--refinement", "1")
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """What is killed.
+
+    Attributes:
+        words: Of the command; the folder follows after ``flag``.
+        flag: The option that names the folder.
+        resume: Whether the command goes on with ``--resume``; else it is begun again.
+        tables: Files that are compared.
+    """
+
+    words: tuple[str, ...]
+    flag: str = "--output"
+    resume: bool = True
+    tables: tuple[str, ...] = ("path.csv",)
+
+
+def kinds(inputs: Path) -> dict[str, Kind]:
+    """All kinds; the fit and the measurement read what `make_inputs` has written."""
+    measured = inputs / "demo"
+    return {
+        "section": Kind((*DISK, "--section", "axisymmetric", "--pressure-cm", "0:177:3")),
+        "wedge": Kind((*DISK, *COARSE, "--pressure-cm", "0:177:40")),
+        "volume": Kind((*DISK, *SHADOW, "--volume-ml", "0:60:5")),
+        "limit": Kind((*DISK, *SHADOW, "--support", "base", "--shear-modulus", "20kPa", "--pressure-cm", "0,20,34,40")),
+        "seminar": Kind(("-m", "softmodels.seminar", "--no-pictures", "--quiet", "--around", "6", "--cell-size", "9mm",
+                         "--channels", "2", "--pressure-cm", "0,30,60")),
+        "cycle": Kind((*DISK, *SHADOW, "--cycle", "--pressure-cm", "0,20,36", "--material", "yeoh", "--c1", "10kPa", "--c2",
+                       "20Pa", "--c3", "3Pa", "--poisson", "0.495")),
+        "fit": Kind(("-m", "softmodels", "fit", str(inputs / "case.toml"), str(measured / "outlines"), "--material", "yeoh",
+                     "--fix", "c3=0Pa", "--poisson", "0.49", "--no-pictures", "--quiet"), "-o", False,
+                    ("fitted.toml", "fit.json", "curves.csv")),
+        "photographs": Kind(("-m", "measurement", "photos", str(measured / "photographs" / "photos.csv"), "--setup",
+                             str(measured / "setup.toml"), "--jobs", "1", "--quiet"), "-o", False,
+                            ("heights.csv", "IMG_0105.csv")),
+    }  # fmt: skip
+
+
+def make_inputs(folder: Path) -> None:
+    """Photographs, outlines and the case that they are of; `softmodels demo` in small."""
+    words = ["-m", "softmodels", "demo", "--megapixels", "1", "-o", str(folder / "demo")]
+    subprocess.run([sys.executable, *words], capture_output=True, check=False)
+    shutil.copy(folder / "demo" / "case.toml", folder / "case.toml")
+
+
+def command(kind: Kind, folder: Path, again: bool) -> list[str]:
+    more = ["--resume"] if again and kind.resume else []
+    return [sys.executable, *kind.words, kind.flag, str(folder), *more]
+
+
+def left_alone(kind: Kind, folder: Path) -> float:
+    """Run a kind to its end; the seconds it took. The status of a limit point, 3, is an end as well."""
+    begun = time.monotonic()
+    done = subprocess.run(command(kind, folder, False), capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 3):
+        raise SystemExit(f"{' '.join(done.args)} ended with {done.returncode}: {done.stderr}")
+    return time.monotonic() - begun
+
+
+def killed(kind: Kind, folder: Path, seconds: float, how: signal.Signals, rng: random.Random, again: bool) -> bool:
+    """Run a kind and kill it at a random moment; whether it had not ended before."""
+    # A session of its own, so that what it starts ends with it.
+    process = subprocess.Popen(
+        command(kind, folder, again), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        process.wait(timeout=seconds * rng.uniform(0.02, 1.0))
+        return False
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL) if how is signal.SIGKILL else process.send_signal(how)
+        process.wait(timeout=120)
+        return True
+
+
+def whole(folder: Path) -> list[str]:
+    """What is wrong with the files that are there: each must be whole."""
+    faults = []
+    for file in sorted(folder.rglob("*")):
+        try:
+            if file.suffix == ".csv":
+                widths = {len(row) for row in csv.reader(file.read_text().splitlines()) if row and row[0][:1] != "#"}
+                faults += [] if len(widths) == 1 else [f"{file.name} has rows of unlike lengths"]
+            elif file.suffix == ".json":
+                json.loads(file.read_text())
+            elif file.suffix == ".h5" and ".softmodels" not in str(file):
+                import h5py
+
+                with h5py.File(file) as opened:
+                    opened.visititems(lambda name, item: item[:1] if isinstance(item, h5py.Dataset) else None)
+        except FileNotFoundError:
+            continue
+        except (OSError, ValueError) as error:
+            faults.append(f"{file.name}: {error}")
+    return faults
+
+
+def differences(one: Path, other: Path) -> dict[str, float]:
+    """By column of two tables the largest difference over the column's largest number, where it is above the tolerance."""
+    tables = [list(csv.DictReader(path.read_text().splitlines())) for path in (one, other)]
+    if len(tables[0]) != len(tables[1]) or tables[0][0].keys() != tables[1][0].keys():
+        return {f"rows ({len(tables[0])} against {len(tables[1])})": float("inf")}
+    found = {}
+    for name in tables[0][0]:
+        if name in UNCOMPARED:
+            continue
+        columns = [[row[name] for row in table] for table in tables]
+        if name in WORDS:
+            found[name] = float(columns[0] != columns[1])
+            continue
+        numbers = [list(map(float, column)) for column in columns]
+        largest = max(map(abs, numbers[1]), default=0.0)
+        most = max(abs(a - b) for a, b in zip(*numbers, strict=True))
+        found[name] = 0.0 if most == 0.0 else most / largest if largest else float("inf")
+    return {name: value for name, value in found.items() if value > TOLERANCE}
+
+
+def compare(kind: Kind, folder: Path, wanted: Path) -> list[str]:
+    faults = []
+    for table in kind.tables:
+        if table == "path.csv":
+            faults += [f"{name} {value:.1e}" for name, value in differences(folder / table, wanted / table).items()]
+        elif (folder / table).read_bytes() != (wanted / table).read_bytes():
+            faults.append(f"{table} differs")
+    return faults
+
+
+def campaign(
+    chosen: Sequence[str], count: int, seed: int, place: Path, tell: Callable[[str], None] = print
+) -> tuple[int, list[str]]:
+    """Kill each chosen kind in turn until there were ``count`` kills.
+
+    Returns:
+        The number of kills, and a sentence on each fault.
+    """
+    rng = random.Random(seed)
+    inputs = place / "inputs"
+    inputs.mkdir(parents=True)
+    if {"fit", "photographs"} & set(chosen):
+        make_inputs(inputs)
+    every = kinds(inputs)
+    seconds = {name: left_alone(every[name], place / f"{name}-alone") for name in chosen}
+    kills, faults, round_ = 0, [], 0
+    while kills < count:
+        for name in chosen:
+            kind, folder = every[name], place / f"{name}-{round_}"
+            before, again = kills, False
+            for _ in range(min(rng.randint(1, MOST_KILLS), count - kills)):
+                how = rng.choice([signal.SIGKILL, signal.SIGKILL, rng.choice([signal.SIGTERM, signal.SIGINT])])
+                if not killed(kind, folder, seconds[name], how, rng, again):
+                    break
+                kills, again = kills + 1, folder.exists()
+                faults += [f"{name}: after kill {kills} by {how.name}: {fault}" for fault in whole(folder)]
+            done = subprocess.run(command(kind, folder, again), capture_output=True, text=True, check=False)
+            wrong = [] if done.returncode in (0, 3) else [f"ended with {done.returncode}: {done.stderr.strip()[-300:]}"]
+            wrong = wrong or compare(kind, folder, place / f"{name}-alone")
+            faults += [f"{name}, round {round_}: {fault}" for fault in wrong]
+            tell(f"{name}: {kills - before} kills, {'; '.join(wrong) or 'as if left alone'}")
+            shutil.rmtree(folder, ignore_errors=True)
+            if kills >= count:
+                break
+        round_ += 1
+    return kills, faults
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    every = list(kinds(Path()))
+    parser.add_argument("--count", type=int, default=50)
+    parser.add_argument("--kind", action="append", choices=every)
+    parser.add_argument("--seed", type=int, default=11)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place:
+        kills, faults = campaign(
+            given.kind or every, given.count, given.seed, Path(place), lambda text: print(text, flush=True)
+        )
+    print(f"{kills} kills, {len(faults)} faults")
+    for fault in faults:
+        print(f"  {fault}")
+    return int(bool(faults))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
