@@ -194,11 +194,11 @@ def test_a_raw_strip_is_thinned_and_the_law_that_follows_it_is_taken(says, tmp_p
     stress = respond(Yeoh(7.9e3, 150.0, 0.0, 0.5), stretch).stress * (1 + 0.4 * np.exp(-3 * (stretch - 1)))
     written(tmp_path / "raw.csv", stretch, stress + np.random.default_rng(3).normal(0.0, 100.0, stretch.size))
     words = ["--tensile", str(tmp_path / "raw.csv"), "--material", "neo-hookean,yeoh", "--no-profiles", "--no-pictures"]
-    status, said, progress = says("fit", *words, "-o", str(tmp_path))
+    status, said, progress = says("fit", *words, "-o", str(tmp_path / "fit"))
     assert status == 0 and "37512 readings averaged over" in said
     assert "fitting neo-hookean, law 1 of 2" in progress
-    assert isinstance(material_from(str(tmp_path / "fitted.toml"), {}), Yeoh)
-    told = json.loads((tmp_path / "fit.json").read_text())
+    assert isinstance(material_from(str(tmp_path / "fit" / "fitted.toml"), {}), Yeoh)
+    told = json.loads((tmp_path / "fit" / "fit.json").read_text())
     misfit = {law["law"]: law["residuals"]["raw.csv (uniaxial)"]["rms"] for law in told["laws"]}
     assert told["preferred"] == "yeoh" and misfit["neo-hookean"] > 2.5 * misfit["yeoh"]
 
@@ -209,16 +209,16 @@ def test_two_laboratories_are_told_apart(says, tmp_path):
         stretch = np.linspace(1.02, 3.0, count)
         written(tmp_path / name, stretch, factor * respond(LAW, stretch).stress)
     words = [word for name in ("savoie.csv", "swansea.csv") for word in ("--tensile", str(tmp_path / name))]
-    status, said, complaint = says("fit", *words, "--no-profiles", "--no-pictures", "-o", str(tmp_path))
+    status, said, complaint = says("fit", *words, "--no-profiles", "--no-pictures", "-o", str(tmp_path / "fit"))
     assert status == 0
     for text in (said, complaint):
         assert "savoie.csv and swansea.csv contradict each other" in text and "1.75 times" in text
     assert "spread: shear modulus 16 kPa to 28 kPa" in said
     for file, factor in (("fitted-curve1.toml", 1.0), ("fitted-curve2.toml", 1.75)):
-        assert material_from(str(tmp_path / file), {}).c1 == pytest.approx(factor * LAW.c1, rel=1e-3)
+        assert material_from(str(tmp_path / "fit" / file), {}).c1 == pytest.approx(factor * LAW.c1, rel=1e-3)
     # The long curve does not silence the short one: the joint fit lies between.
-    assert 1.15 * LAW.c1 < material_from(str(tmp_path / "fitted.toml"), {}).c1 < 1.6 * LAW.c1
-    assert any("contradict" in text for text in json.loads((tmp_path / "fit.json").read_text())["apart"])
+    assert 1.15 * LAW.c1 < material_from(str(tmp_path / "fit" / "fitted.toml"), {}).c1 < 1.6 * LAW.c1
+    assert any("contradict" in text for text in json.loads((tmp_path / "fit" / "fit.json").read_text())["apart"])
 
 
 def test_curves_of_one_name_stay_two(says, tmp_path):
@@ -226,7 +226,7 @@ def test_curves_of_one_name_stay_two(says, tmp_path):
         (tmp_path / name).mkdir()
         written(tmp_path / name / "pull.csv", L, respond(LAW, L).stress)
     words = [word for name in ("a", "b") for word in ("--tensile", str(tmp_path / name / "pull.csv"))]
-    status, said, _ = says("fit", *words, "--no-profiles", "--no-pictures", "-o", str(tmp_path))
+    status, said, _ = says("fit", *words, "--no-profiles", "--no-pictures", "-o", str(tmp_path / "fit"))
     assert status == 0 and "a/pull.csv (uniaxial)" in said and "b/pull.csv (uniaxial)" in said
 
 
