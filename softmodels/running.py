@@ -19,6 +19,7 @@ import numpy as np
 from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped
 from measurement.ending import stoppable
 from measurement.folder_lock import InUseError
+from measurement.output_place import FULL
 from measurement.own_folder import OwnFolderError
 from softmodels.case import Case, CaseError
 from softmodels.closing import close, explain, explain_step, gather

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from measurement.output_place import FULL
 from measurement.own_folder import OwnFolder, is_same, numbered, take_default
 from softmodels.case import Case
 from softmodels.identity import difference, identity
@@ -16,7 +16,6 @@ from softmodels.outcomes import BAD_INPUT, FAILED, RunError
 from softmodels.results import RUN, Results, ResultsError, picture_files, picture_folder, write_text
 from softmodels.resuming import check_same, check_values, drop_between
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 MOST_GAPS = 20
 """Numbered folders that may be missing in a row where an earlier run is looked for."""
 
