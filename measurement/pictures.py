@@ -20,9 +20,16 @@ from PIL import Image
 from measurement.outline import Outline
 from measurement.photo import Refusal
 from measurement.series import Result
+from measurement.witness import course_of
 
 FRAME = 640
 """Width in px of the animation."""
+
+COURSE_POINTS = 200
+"""Heights at which the course through a run is drawn."""
+
+MOST_NAMED = 8
+"""Untrusted photographs that are named in a picture; more are in the table."""
 
 FRAME_TIME = 500
 """Milliseconds per picture of the animation."""
@@ -82,9 +89,20 @@ def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
 
 
 def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
-    """Write the height over the pressure with both standard errors, doubled."""
+    """Write the height over the pressure with both standard errors, doubled, and the course through the trusted ones.
+
+    Photographs that are not trusted are named, so that the one that lies off the course is found in the table.
+    """
     figure = Figure(figsize=(7.5, 5.0), dpi=140, layout="constrained")
     axes = figure.subplots()
+    course = course_of(list(outlines))
+    if course is not None:
+        heights = np.linspace(min(0.0, float(course.heights.min())), float(course.heights.max()), COURSE_POINTS)
+        expected, spread, _ = course.at(heights)
+        band = axes.fill_betweenx(
+            heights * 1e3, (expected - 2 * spread) / 1e3, (expected + 2 * spread) / 1e3, color="#d9e2ec", linewidth=0.0
+        )
+        band.set_label("course of the trusted ones")
     for trusted, marker, label in ((True, "o", "measured"), (False, "x", "not trusted")):
         chosen = [outline for outline in outlines if outline.trusted == trusted]
         if chosen:
@@ -94,11 +112,19 @@ def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
                 yerr=[2e3 * outline.height_error for outline in chosen],
                 fmt=marker, color="#2f6f9f" if trusted else "#c0392b", capsize=3.0, label=label,
             )  # fmt: skip
+    middle = 0.5 * sum(axes.get_xlim())
+    for outline in [outline for outline in outlines if not outline.trusted][:MOST_NAMED]:
+        right = outline.pressure / 1e3 > middle  # there a name beside the point would leave the picture
+        axes.annotate(
+            outline.source.replace("$", r"\$"), (outline.pressure / 1e3, outline.height * 1e3), fontsize=8, va="top",
+            xytext=(-6 if right else 6, -4), textcoords="offset points", ha="right" if right else "left", color="#c0392b",
+        )  # fmt: skip
     axes.set_xlabel("pressure in kPa")
     axes.set_ylabel("height in mm")
-    axes.set_title("Height over pressure, bars of two standard errors")
+    axes.set_title("Height over pressure, bars and band of two standard errors")
     axes.grid(alpha=0.3)
-    if not all(outline.trusted for outline in outlines):
+    axes.set_axisbelow(True)
+    if course is not None or not all(outline.trusted for outline in outlines):
         axes.legend()
     figure.savefig(path)
 

@@ -234,15 +234,14 @@ def _named(run: Readings, odd: Flags) -> dict[int, str]:
         pressure, height = float(run.pressures[k]), float(run.heights[k])
         expected, spread, _ = course.at(np.array([height]), run.pressure_errors[[k]])
         at = course.height(pressure, height)
-        likely = (
-            f"{at[0] * 1e3:.2f} +- {at[1] * 1e3:.2f} mm at its pressure"
+        there = f"{expected[0]:.0f} +- {spread[0]:.0f} Pa at its height"
+        why = (
+            f"the other photographs lead one to expect {at[0] * 1e3:.2f} +- {at[1] * 1e3:.2f} mm at its pressure in place of "
+            f"{height * 1e3:.2f} mm, and {there}"
             if at
-            else f"no such height at {pressure:.0f} Pa"
+            else f"its pressure lies beyond the course of the other photographs, which lead one to expect {there}"
         )
-        found[int(k)] = (
-            f"the other photographs lead one to expect {likely} in place of {height * 1e3:.2f} mm, and "
-            f"{expected[0]:.0f} +- {spread[0]:.0f} Pa at its height{_cause(run, course, int(k), numbers)}"
-        )
+        found[int(k)] = why + _cause(run, course, int(k), numbers)
     return found
 
 

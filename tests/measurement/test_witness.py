@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from measurement.course import Course
+from measurement.pictures import draw_heights
 from measurement.synthetic_series import COURSES, DAMAGES, Rows, damaged, run
 from measurement.witness import course_of, doubts
 
@@ -80,6 +84,9 @@ def test_a_pressure_of_ten_times_and_two_swapped_rows_are_named():
     made.pressures[2] *= 10.0
     found = told(made)
     assert list(found) == [2] and "the pressure in the list may be ten times what it was" in found[2]
+    assert (
+        "its pressure lies beyond the course" in told(rows([*softening().pressures[:-1], 15e3], softening().heights))[8]
+    )
     made = softening()
     made.pressures[[3, 6]] = made.pressures[[6, 3]]
     found = told(made)
@@ -127,6 +134,22 @@ def test_the_course_states_its_own_uncertainty():
         off.append((made.pressures - expected) / spread)
     off = np.concatenate(off)
     assert np.mean(np.abs(off) < 1.0) > 0.3 and np.mean(np.abs(off) > 3.0) < 0.02
+
+
+def test_the_picture_shows_the_course_and_names_the_stranger(tmp_path):
+    made = softening()
+    made.heights[5] += 1e-3
+    outlines = made.outlines()
+    odd = [
+        dataclasses.replace(outline, source="cost $5_a.jpg", trusted=False, reasons=(doubt,)) if doubt else outline
+        for outline, doubt in zip(outlines, doubts(outlines), strict=True)
+    ]
+    draw_heights(tmp_path / "with.png", odd)
+    draw_heights(tmp_path / "few.png", odd[:2])
+    with Image.open(tmp_path / "with.png") as picture:
+        shown = np.asarray(picture.convert("RGB")).reshape(-1, 3).astype(int)
+    for colour, least in (((217, 226, 236), 500), ((192, 57, 43), 50), ((47, 111, 159), 200)):  # band, stranger, points
+        assert np.sum(np.abs(shown - colour).max(axis=1) < 12) > least
 
 
 def test_leaving_out_is_the_same_as_predicting_from_the_others():
