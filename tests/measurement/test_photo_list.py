@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import runpy
+from pathlib import Path
+
 import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
 from measurement.photo_list import PhotoListError, read_photos
+
+SERIES = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "photo_series.py"))
 
 
 def listed(folder, text, encoding="utf-8"):
@@ -81,6 +86,15 @@ def test_names_that_are_no_files_are_left_to_the_measuring(tmp_path, name):
     assert len(listed(tmp_path, f"file,pressure\n{name},1 cm\n")) == 1
 
 
+@pytest.mark.parametrize("seed", range(0, 150, 10))
+def test_hostile_lists_are_read_or_refused_by_a_sentence(tmp_path, seed):
+    """Formulas, wrong separators and encodings, NUL, 5000 digits, Windows' and old Macs' line ends; 2000 in the benchmark."""
+    for file in ("1.jpg", "IMG_0004.JPG", "#4.jpg"):
+        (tmp_path / file).touch()
+    for more in range(10):
+        SERIES["read_broken"](tmp_path, seed + more)
+
+
 BROKEN = {
     "": "is empty",
     "# nothing\n": "is empty",
@@ -139,7 +153,7 @@ def test_lists_that_cannot_be_read(tmp_path):
         (["--water-density", "970"], "has no unit"),
         (["--water-density", "-1 kg/m^3"], "must be positive"),
         (["--reading-error", "-1 mm"], "must not be negative"),
-        (["--setup", "none.toml"], "setup none.toml cannot be read"),
+        (["--setup", "none.toml"], "none.toml cannot be read"),
     ],
 )
 def test_bad_options_are_bad_input(tmp_path, words, reason):
