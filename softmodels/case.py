@@ -13,8 +13,10 @@ from geometries import Actuator, GeometryError
 from geometries import table as geometry_table
 from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import WATER_DENSITY, UnitError, exact_text, pascal_per_cm, quantity
+from softmodels import gauges as gauge_tables
 from softmodels import material_table, supply_table
 from softmodels import program as programs
+from softmodels.gauges import GaugeError, Gauges
 from softmodels.materials import Material, MaterialError
 from softmodels.obstacle import STIFFNESS, Obstacle, ObstacleError
 from softmodels.program import Program, ProgramError
@@ -28,7 +30,7 @@ STIFFNESS_RANGE = 30.0
 """Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""
 MODULI = (500.0, 5e6)
 """Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
-TABLES = ("geometry", "material", "load", "solver", "sheet", "contact", "supply")
+TABLES = ("geometry", "material", "load", "solver", "sheet", "contact", "supply", "points", "angles", "profile")
 VOLUME_RANGE = 1000.0
 """Added volumes above this many cavities are taken for a mistake in a unit: a silicone tears at a tenth of that stretch."""
 
@@ -56,6 +58,7 @@ class Case:
         cycle: Whether the pressure is lowered again through the same values, and the device jumps at limit points.
         program: What each of several cavities goes through by itself, in place of one requested quantity; else empty.
         obstacle: A rigid plane that faces of the device come to rest on.
+        gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
     """
 
     name: str
@@ -72,6 +75,7 @@ class Case:
     cycle: bool = False
     program: Program = ()
     obstacle: Obstacle | None = None
+    gauges: Gauges = gauge_tables.NONE
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
@@ -117,6 +121,10 @@ class Case:
                 self.obstacle.place(self.actuator)
             except ObstacleError as error:
                 raise CaseError(str(error)) from None
+        try:
+            self.gauges.check(self.actuator)
+        except GaugeError as error:
+            raise CaseError(str(error)) from None
         if self.formulation == "displacement" and math.isinf(self.material.bulk):
             raise CaseError(
                 "poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed, or --poisson 0.49"
@@ -223,7 +231,7 @@ class Case:
             tables["contact"] = dataclasses.asdict(self.obstacle)
         if self.supply is not None:
             tables["supply"] = supply_table.to_table(self.supply)
-        return tomli_w.dumps(tables)
+        return tomli_w.dumps(tables | gauge_tables.to_tables(self.gauges))
 
     @classmethod
     def from_toml(cls, text: str, folder: Path | None = None) -> Case:
@@ -273,8 +281,17 @@ class Case:
                 strokes_ml=series(load.get("stroke_ml", ()), "stroke"),
                 supply=supply_table.from_table(tables["supply"]) if "supply" in tables else None,
                 program=programs.from_tables(program) if program else (),
+                gauges=gauge_tables.from_tables(tables),
             )
-        except (GeometryError, MaterialError, ObstacleError, ProgramError, SeriesError, SupplyError) as error:
+        except (
+            GaugeError,
+            GeometryError,
+            MaterialError,
+            ObstacleError,
+            ProgramError,
+            SeriesError,
+            SupplyError,
+        ) as error:
             raise CaseError(str(error)) from None
 
     @classmethod

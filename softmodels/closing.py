@@ -15,7 +15,7 @@ from geometries import Actuator
 from geometries.apart import interpreter
 from measurement.own_folder import OwnFolderError
 from softmodels.case import Case
-from softmodels.glossary import term
+from softmodels.glossary import split, term
 from softmodels.notes import notes_of
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.program import step_text
@@ -120,6 +120,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
             f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
         )
+        if case.gauges.columns():
+            print(", ".join(_gauge(name, row) for name in case.gauges.columns()))
         if told := stability_text(results.rows, case.actuator, branch_rows(results)):
             print(told)
         pictures = (
@@ -127,6 +129,12 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         )
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
     return status
+
+
+def _gauge(column: str, row: Mapping[str, Any]) -> str:
+    """A named place or angle with its unit."""
+    name, unit = split(column)
+    return f"{name.replace('_', ' ')} {row[column]:.5g}{unit if unit == '°' else f' {unit}'}"
 
 
 def _loaded(row: Mapping[str, Any]) -> str:

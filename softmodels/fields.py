@@ -18,6 +18,8 @@ from geometries.actuator import Vector
 from softmodels.contact import Walls
 from softmodels.discrete import State
 from softmodels.equilibrium import Equilibrium
+from softmodels.followed import Followed, followed_points
+from softmodels.gauges import NONE, Gauges, followed_text
 from softmodels.grid import Grid, displacement_maps
 from softmodels.materials import Material
 from softmodels.parallel import largest, total
@@ -101,7 +103,7 @@ class Fields:
         planes = [plane.normal for plane in self.equilibrium.body.actuator.cut_planes]
         return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
 
-    def __init__(self, equilibrium: Equilibrium):
+    def __init__(self, equilibrium: Equilibrium, gauges: Gauges = NONE):
         import ufl
         from dolfinx import fem, la
 
@@ -122,6 +124,12 @@ class Fields:
         self._places = fem.Expression(ufl.SpatialCoordinate(equilibrium.body.mesh), equilibrium.points, **options)
         self._push: npt.NDArray[np.float64] | None = None
         self._probes = {name: self._owner(point) for name, point in equilibrium.body.actuator.probes.items()}
+        self._gauges, self._followed = gauges, followed_points(equilibrium, self.grid, gauges)
+
+    @property
+    def followed(self) -> list[str]:
+        """Where the named points are followed: a sentence on each."""
+        return [followed_text(name, one.place, one.away) for name, one in self._followed.items()]
 
     def _added(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Sum of cell-node values over the cells of each node, owned nodes."""
@@ -164,10 +172,9 @@ class Fields:
         u = self._displacement(state)
         actuator = eq.body.actuator
         lift = np.asarray(actuator.lift)
-        moved = {
-            name: np.array([total(eq.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
-            for name, node in self._probes.items()
-        }
+        moved = {name: self._at(u, node) for name, node in self._probes.items()}
+        named = {name: self._moved(state, one) for name, one in self._followed.items()}
+        places = {name: one.place for name, one in self._followed.items()}
         F = self._gradients(self._at_points)
         stretches, J = principal_stretches(F), self._ratio.at_corners(np.linalg.det(F))
         stress = von_mises(shape_stresses(eq.material, stretches))
@@ -186,6 +193,7 @@ class Fields:
             rises={name: float(shift @ lift) for name, shift in moved.items()},
             device={
                 **actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
+                **self._gauges.figures(places, named, actuator.lift),
                 **self._blocked(),
                 **self._pressed(state),
                 **self._stiffness(state),
@@ -198,6 +206,17 @@ class Fields:
             J_max=most(J),
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
         )
+
+    def _at(self, u: npt.NDArray[np.float64], node: int) -> npt.NDArray[np.float64]:
+        """Displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
+        return np.array([total(self.equilibrium.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
+
+    def _moved(self, state: State, one: Followed) -> npt.NDArray[np.float64]:
+        """Displacement (3,) in m of a followed place, on all ranks."""
+        eq = self.equilibrium
+        u = one.weights @ state.w[self.skew[one.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
+        u = u if self.grid.dimension == 3 else np.array([u[0], 0.0, u[1]])
+        return np.array([total(eq.comm, float(value)) for value in u])
 
     def _blocked(self) -> dict[str, float]:
         """Force in N of the whole device on what blocks it, if something does."""

@@ -22,7 +22,7 @@ from softmodels.commandline import fail
 from softmodels.contradiction import fitted_alone, own_file, told_apart
 from softmodels.fit_comparison import compare
 from softmodels.fit_files import name_of, retire, write_materials
-from softmodels.fit_problem import UnsoundError
+from softmodels.fit_problem import CannotEvaluate, UnsoundError
 from softmodels.fit_report import Fitted, Report, as_json, as_text, material_toml, write_curves
 from softmodels.fitting import Fit, FitError, Prior
 from softmodels.law_choice import ALL, LawChoice
@@ -110,7 +110,7 @@ def fit_material(**options: Any) -> None:
             with folder[0].writing() as place:
                 write(report, place, not options["no_pictures"])
                 retire(folder[0].path, {file.name for file in place.iterdir()})
-    except UnsoundError as error:
+    except (UnsoundError, CannotEvaluate) as error:
         _put_away(folder)
         fail(str(error), FAILED)
     except (FitError, TensileError, UnitError, OwnFolderError) as error:

@@ -80,7 +80,10 @@ def fit(
             best = found
     if best is None:
         raise FitError(f"the fit cannot start: {runs[0].trouble if runs else 'no starting values are given'}")
-    return _judge(problem, best, runs, errors, label)
+    try:
+        return _judge(problem, best, runs, errors, label)
+    except CannotEvaluate as error:
+        raise FitError(f"the fit ended where its model has no answer: {error}") from None
 
 
 def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, label: str) -> Fit:

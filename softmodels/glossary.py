@@ -91,11 +91,17 @@ def term(column: str, probes: tuple[str, ...] = ()) -> Term:
         probes: Names of the device's probes, whose columns are rises.
     """
     stem, unit = split(column)
-    if column in TEXTS:
+    if column in TEXTS and not (re.fullmatch(r"tip_[xz]_mm", column) and probes and "tip_below" not in probes):
         name, text = TEXTS[column]
         return Term(name, unit, text)
     if unit == "mm" and stem in probes:
         return Term(f"rise of the {stem.replace('_', ' ')}", unit, "displacement of that point along the device's lift")
+    if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", stem)):
+        return Term(f"{found[1].replace('_', ' ')}, {found[2]}", unit, "place of that named point in this state")
+    if unit == "°":
+        return Term(
+            stem.replace("_", " "), unit, "named angle: by how much its line has turned, or between its two lines"
+        )
     if found := re.fullmatch(r"(pressure|added_volume)_(\d+)", stem):
         return Term(
             f"{found[1].replace('_', ' ')} of cavity{found[2]}", unit, f"of the device's cavity{found[2]} alone"

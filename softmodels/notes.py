@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from softmodels.case import Case
+from softmodels.gauges import followed_text
 from softmodels.law_stability import instabilities
 from softmodels.silicones import SILICONES, named, stretch_at_break
 
@@ -13,6 +15,8 @@ Row = Mapping[str, Any]
 
 DEEPEST = 0.01
 """Depth of a contact in sizes of the device above which the user is warned."""
+NEAR = 1e-3
+"""Distance in sizes of the device from which a point's place on the surface is told."""
 VOLUME_CHANGE = 0.05
 """Change of the silicone's volume (J at a vertex less 1) above which the user is warned."""
 
@@ -25,6 +29,7 @@ def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
         *volume_notes(rows),
         *contact_notes(rows),
         *depth_notes(case, rows),
+        *place_notes(case, rows),
     ]
 
 
@@ -97,6 +102,19 @@ def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
         f"larger --contact-stiffness than {case.obstacle.stiffness:g}"
     ]
+
+
+def place_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """A sentence on each named point that is followed somewhere else than where it was named."""
+    first = next((row for row in rows if not row["step"]), None)
+    if first is None or not case.gauges.points:
+        return []
+    said = []
+    for name, wanted in case.gauges.places.items():
+        at = [1e-3 * float(first[f"{name}_{axis}_mm"]) for axis in "xyz"]
+        if (away := math.dist(at, wanted)) > NEAR * case.actuator.size:
+            said.append(followed_text(name, at, away))
+    return said
 
 
 def left_out(case: Case) -> str:

@@ -19,6 +19,7 @@ from measurement.folder_lock import InUseError
 from measurement.own_folder import PATIENCE, OwnFolderError
 from softmodels import film, hot_spots, plots, program_plots, report, sections, stills
 from softmodels.case import Case, CaseError
+from softmodels.cut_lines import axes_of, cut_line
 from softmodels.pages import STYLE, headline
 from softmodels.rendering import can_render
 from softmodels.results import ResultsError, picture_files, picture_folder, replace, write_bytes
@@ -101,6 +102,9 @@ def _curves(states: States, out: Folder) -> None:
         out.save(actuator.gauge, program_plots.steps(states.rows, actuator.gauge))
     else:
         out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm, states.branch))
+    if states.case.gauges.plane:
+        out.save("profile", _cut_profile(states))
+        return
     if not actuator.on_profile(states.points).any():
         return
     rest = plots.profile(states.points, np.zeros_like(states.points), actuator)
@@ -109,6 +113,21 @@ def _curves(states: States, out: Folder) -> None:
         for step in plots.profile_steps(states.rows, actuator.gauge)
     }
     out.save("profile", plots.profiles(lines, rest, states.rows, actuator.axial, _plate(states)))
+
+
+def _cut_profile(states: States) -> Any:
+    """The outside along the plane that the case names."""
+    actuator, gauges = states.actuator, states.case.gauges
+    assert gauges.cut is not None
+    normal, at = gauges.cut
+
+    def line(displacement: Any) -> Any:
+        return cut_line(states.skin, states.points, displacement, normal, at, actuator.size)
+
+    steps = plots.profile_steps(states.rows, actuator.gauge)
+    lines = {step: line(states.field(step, "displacement")) for step in steps}
+    rest = line(np.zeros_like(states.points))
+    return plots.cut_profiles(lines, rest, states.rows, axes_of(normal, actuator.lift), gauges.plane)
 
 
 def _plate(states: States) -> float | None:

@@ -171,9 +171,54 @@ def profile_steps(rows: Sequence[Row], gauge: str) -> list[int]:
     shown = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
     if sum(bool(rows[k]["requested"]) for k in loaded) <= FEW:
         risen = np.array([rows[k][f"{gauge}_mm"] for k in loaded])
-        wanted = np.linspace(0.0, risen.max(), 9)[1:]
+        wanted = np.linspace(0.0, risen[np.abs(risen).argmax()], 9)[1:]
         shown |= {loaded[int(np.argmin(np.abs(risen - value)))] for value in wanted}
     return sorted(shown)
+
+
+def cut_profiles(
+    lines: Mapping[int, Array], rest: Array, rows: Sequence[Row], axes_of_plane: Array, plane: str
+) -> Figure:
+    """The outside where a plane cuts it at rest, seen along the plane's normal.
+
+    Args:
+        lines: Pieces (k, 2, 3) in m by number of the step, as `softmodels.cut_lines.cut_line` gives them.
+        rest: The undeformed ones.
+        rows: All rows of ``path.csv``.
+        axes_of_plane: Unit vectors to the right and upwards, shape (2, 3).
+        plane: The plane in words.
+    """
+    from matplotlib.collections import LineCollection
+
+    flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
+    wide, tall = np.ptp(flat, axis=0)
+    figure = Figure((WIDTH, min(max(0.72 * WIDTH * tall / wide + 1.4, 3.5), WIDTH)), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
+    names = _labels(rows, _labelled(list(lines)))
+    drawn: list[tuple[Array, Any, float, str, str | None]] = [(rest, EDGE, 1.4, "--", "undeformed")]
+    drawn += [
+        (line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)
+    ]
+    for pieces, colour, width, style, label in drawn:
+        flat = 1e3 * pieces @ axes_of_plane.T
+        axes.add_collection(
+            LineCollection(list(flat), colors=[colour], linewidths=width, linestyles="-" if style == "-" else ":")
+        )
+        axes.plot([], [], style, color=colour, linewidth=width, label=label)
+    axes.autoscale()
+    axes.set_aspect("equal")
+    axes.margins(0.05)
+    axes.set(xlabel=f"{_direction(axes_of_plane[0])} in mm", ylabel=f"{_direction(axes_of_plane[1])} in mm")
+    axes.set_title(f"Outside where the plane {plane} cuts it at rest")
+    axes.legend(title="water column", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
+    return figure
+
+
+def _direction(axis: Array) -> str:
+    """A direction in words: x, y, z, or the vector."""
+    near = int(np.argmax(np.abs(axis)))
+    return "xyz"[near] if abs(axis[near]) > 1 - 1e-9 else f"along ({', '.join(f'{value:.3g}' for value in axis)})"
 
 
 def profiles(

@@ -24,6 +24,7 @@ from measurement.own_folder import OwnFolderError
 from softmodels.case import Case, CaseError
 from softmodels.closing import close, explain, explain_step, gather
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
+from softmodels.gauges import GaugeError
 from softmodels.identity import digest
 from softmodels.materials import MaterialError
 from softmodels.notes import notes_of
@@ -85,8 +86,8 @@ def run(
     except RunError as error:
         status, message = error.status, str(error)
     except (
-        GeometryError, MeshFileError, MeshingError, CaseError, MaterialError, ObstacleError, ResultsError, OwnFolderError,
-        InUseError,
+        GaugeError, GeometryError, MeshFileError, MeshingError, CaseError, MaterialError, ObstacleError, ResultsError,
+        OwnFolderError, InUseError,
     ) as error:  # fmt: skip
         status, message = FAILED if isinstance(error, MeshingError) else BAD_INPUT, str(error)
     except PETSc.Error as error:
@@ -185,13 +186,15 @@ def _follow(
         body = Body.from_file(case.actuator, mesh, comm)
         with compiling():
             equilibrium = Equilibrium(body, case.material, case.formulation, case.sheet, case.obstacle)
-            fields = Fields(equilibrium)
+            fields = Fields(equilibrium, case.gauges)
     except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error
     dofs = equilibrium.space.dofmap.index_map.size_global * equilibrium.space.dofmap.index_map_bs
     cells = body.mesh.topology.index_map(body.mesh.topology.dim).size_global
     if resumed:
         on_root(comm, lambda: results.check_grid(fields.grid.points))
+    for text in fields.followed:
+        progress.say(text)
     progress.say(f"{cells} cells, {dofs} unknowns, {comm.size} rank{'s' if comm.size > 1 else ''}")
 
     if case.program:

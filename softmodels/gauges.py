@@ -1,0 +1,194 @@
+"""What a case wants told of any device beside its own columns: places of named points, angles between them, a profile.
+
+[points]
+tip = "70, 0, 4 mm"                 # the nearest place on the surface is followed
+base = "5, 0, 4 mm"
+
+[angles]
+bend = "base to tip"                # how far this line has turned, towards the lift positive
+jaws = ["base to tip", "base to thumb"]     # the angle between two lines
+
+[profile]
+plane = "y = 0 mm"                  # the outside is cut there and drawn
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator, GeometryError
+from geometries.actuator import Vector
+from geometries.selections import Faces, faces, point
+
+Array = npt.NDArray[np.float64]
+Line = tuple[str, str]
+
+NAME = r"[A-Za-z]\w*"
+
+
+class GaugeError(ValueError):
+    """Points, angles or a profile that cannot be told; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Gauges:
+    """Points by name, angles by name as one or two lines from point to point, and the plane of the profile.
+
+    Attributes:
+        points: Names and places, as written.
+        angles: Names and lines.
+        plane: As written; empty for none.
+
+    Raises:
+        GaugeError: From the constructor, if a text says none of it or a name is not known.
+    """
+
+    points: tuple[tuple[str, str], ...] = ()
+    angles: tuple[tuple[str, tuple[Line, ...]], ...] = ()
+    plane: str = ""
+
+    def __post_init__(self) -> None:
+        names = {name for name, _ in self.points}
+        for name in (*names, *(name for name, _ in self.angles)):
+            if not re.fullmatch(NAME, name):
+                raise GaugeError(f"{name!r} cannot name a column; use letters, digits and '_'")
+        for name, lines in self.angles:
+            for line in lines:
+                if missing := [end for end in line if end not in names]:
+                    known = ", ".join(sorted(names)) or "none"
+                    raise GaugeError(f"angle {name}: there is no point {missing[0]!r}; [points] has {known}")
+                if line[0] == line[1]:
+                    raise GaugeError(
+                        f"angle {name}: a line runs from one point to another, not from {line[0]} to itself"
+                    )
+        _ = self.places, self.cut
+
+    @property
+    def places(self) -> dict[str, Vector]:
+        """Wanted places by name in device coordinates, m."""
+        return {name: _reworded(point, f"point {name}", _with_at(text)) for name, text in self.points}
+
+    @property
+    def cut(self) -> tuple[Vector, float] | None:
+        """Unit normal of the profile's plane, and its distance from the origin in m; None if there is none."""
+        if not self.plane:
+            return None
+        found: Faces = _reworded(faces, "profile plane", self.plane)
+        if found.normal is None:
+            raise GaugeError(f"profile plane is {self.plane!r}; write a plane as 'y = 0 mm' or 'normal 1, -1, 0'")
+        return found.normal, found.at
+
+    def columns(self) -> list[str]:
+        """Columns that it adds to ``path.csv``."""
+        return [f"{name}_{axis}_mm" for name, _ in self.points for axis in "xyz"] + [
+            f"{name}_deg" for name, _ in self.angles
+        ]
+
+    def check(self, actuator: Actuator) -> None:
+        """Refuse names whose columns the device or every run has.
+
+        Raises:
+            GaugeError: A name that is taken.
+        """
+        taken = {*actuator.device_figures(actuator.probes), *(f"max_stretch_{axis}_mm" for axis in "xyz")}
+        for column in self.columns():
+            if column in taken:
+                raise GaugeError(
+                    f"{column} is a column of its own in path.csv; take another name in [points] or [angles]"
+                )
+
+    def figures(self, rest: Mapping[str, Vector], moved: Mapping[str, Array], lift: Vector) -> dict[str, float]:
+        """Values by column.
+
+        Args:
+            rest: Undeformed places by name, m.
+            moved: Displacements by name, m.
+            lift: Direction of the device's lift.
+        """
+        now = {name: np.asarray(rest[name]) + moved[name] for name in rest}
+        found = {
+            f"{name}_{axis}_mm": float(now[name][i]) * 1e3 for name, _ in self.points for i, axis in enumerate("xyz")
+        }
+        for name, lines in self.angles:
+            first, *second = ([now[b] - now[a], np.asarray(rest[b]) - np.asarray(rest[a])] for a, b in lines)
+            found[f"{name}_deg"] = _angle(first[0], second[0][0]) if second else _turned(first[1], first[0], lift)
+        return found
+
+
+NONE = Gauges()
+
+
+def from_tables(tables: Mapping[str, Any]) -> Gauges:
+    """Read the tables ``[points]``, ``[angles]`` and ``[profile]`` of a case.
+
+    Raises:
+        GaugeError: What they hold makes no points, angles or plane.
+    """
+    points, angles, profile = (tables.get(name, {}) for name in ("points", "angles", "profile"))
+    for name, text in points.items():
+        if not isinstance(text, str):
+            raise GaugeError(f"point {name} is {text!r}; write a point as '70, 0, 4 mm'")
+    if unknown := set(profile) - {"plane"}:
+        raise GaugeError(f"[profile] has an unknown entry {min(unknown)!r}; known is plane")
+    plane = profile.get("plane", "")
+    if not isinstance(plane, str):
+        raise GaugeError(f"profile plane is {plane!r}; write a plane as 'y = 0 mm'")
+    return Gauges(tuple(points.items()), tuple((name, _lines(name, value)) for name, value in angles.items()), plane)
+
+
+def to_tables(gauges: Gauges) -> dict[str, Any]:
+    """The tables that `from_tables` reads; none for nothing."""
+    angles = {name: [" to ".join(line) for line in lines] for name, lines in gauges.angles}
+    tables = {
+        "points": dict(gauges.points),
+        "angles": {name: lines[0] if len(lines) == 1 else lines for name, lines in angles.items()},
+        "profile": {"plane": gauges.plane} if gauges.plane else {},
+    }
+    return {name: table for name, table in tables.items() if table}
+
+
+def followed_text(name: str, place: Sequence[float], away: float) -> str:
+    """Where a point is followed, and how far from where it was named (m): a sentence."""
+    where = ", ".join(f"{1e3 * value:.5g}" for value in place)
+    near = "on the surface" if away < 1e-9 else f"the nearest place of the modelled surface, {away * 1e3:.3g} mm away"
+    return f"point {name} is followed at {where} mm, {near}"
+
+
+def _lines(name: str, value: Any) -> tuple[Line, ...]:
+    texts = [value] if isinstance(value, str) else value
+    if not isinstance(texts, list) or not 1 <= len(texts) <= 2 or not all(isinstance(text, str) for text in texts):
+        raise GaugeError(f"angle {name} is {value!r}; write 'base to tip', or two such lines in a list")
+    found = [re.fullmatch(rf"\s*({NAME})\s+to\s+({NAME})\s*", text) for text in texts]
+    if not all(found):
+        raise GaugeError(f"angle {name} is {value!r}; write a line as 'base to tip', from point to point")
+    return tuple((one[1], one[2]) for one in found if one)
+
+
+def _with_at(text: str) -> str:
+    return text if text.lstrip().startswith("at") else f"at {text.strip()}"
+
+
+def _reworded(read: Any, field: str, text: str) -> Any:
+    try:
+        return read(field, text)
+    except GeometryError as error:
+        raise GaugeError(str(error)) from None
+
+
+def _angle(a: Array, b: Array) -> float:
+    """Angle between two vectors in degrees, exact near 0 and 180 too."""
+    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b)))
+
+
+def _turned(rest: Array, now: Array, lift: Vector) -> float:
+    """Angle in degrees by which a line has turned; negative away from the lift."""
+    up = np.asarray(lift)
+    risen = float(now @ up / np.linalg.norm(now) - rest @ up / np.linalg.norm(rest))
+    return math.copysign(_angle(rest, now), risen) if risen else _angle(rest, now)

@@ -1,0 +1,196 @@
+"""Named points, angles and a plane's profile of any device: what they are, refused texts, ranks, and going on with --resume."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.case import Case, CaseError
+from softmodels.gauges import GaugeError, Gauges, from_tables, to_tables
+from softmodels.identity import difference, identity
+
+BLOCK = """
+[geometry]
+device = "ImportedActuator"
+file = "{file}"
+cavities = ["at 10, 2, 7 mm"]
+support = "x = 0 mm"
+planes = ["y = 0 mm"]
+cell_size = "6 mm"
+
+[material]
+law = "neo-hookean"
+shear_modulus = "30 kPa"
+
+[load]
+pressure_cm = [{pressures}]
+"""
+GAUGES = """
+[points]
+tip = "40, 0, {height} mm"
+base = "4, 0, 0 mm"
+root = "at 0, 0, 0 mm"
+
+[angles]
+bend = "base to tip"
+opening = ["base to tip", "base to root"]
+
+[profile]
+plane = "y = 0 mm"
+"""
+TABLES = {
+    "points": {"tip": "40, 0, 5 mm", "base": "0, 0, 5 mm"},
+    "angles": {"bend": "base to tip"},
+    "profile": {"plane": "y = 0 mm"},
+}
+
+
+def figures(now, lines=(("base", "tip"),), lift=(0.0, 0.0, 1.0)):
+    """The angle of a line, or of two, whose undeformed ends are at 0, 40 mm along x and 30 mm along y."""
+    rest = {"base": (0.0, 0.0, 0.0), "tip": (0.04, 0.0, 0.0), "side": (0.0, 0.03, 0.0)}
+    gauges = Gauges(tuple((name, "0, 0, 0 mm") for name in rest), (("bend", lines),))
+    moved = {name: np.asarray(now.get(name, place)) - np.asarray(place) for name, place in rest.items()}
+    return gauges.figures(rest, moved, lift)
+
+
+@pytest.mark.parametrize("degrees", (0.0, 1e-5, 12.0, -30.0, 90.0, 150.0))
+def test_a_line_turns_towards_the_lift(degrees):
+    at = math.radians(degrees)
+    found = figures({"tip": (0.05 * math.cos(at), 0.0, 0.05 * math.sin(at))})
+    assert found["bend_deg"] == pytest.approx(degrees, abs=1e-10)
+    assert found["tip_z_mm"] == pytest.approx(50 * math.sin(at), abs=1e-9) and found["base_x_mm"] == 0.0
+
+
+def test_two_lines_have_an_angle():
+    lines = (("base", "tip"), ("base", "side"))
+    assert figures({}, lines)["bend_deg"] == pytest.approx(90.0)
+    assert figures({"tip": (0.03, 0.03, 0.0)}, lines)["bend_deg"] == pytest.approx(45.0)
+
+
+def test_tables_come_back():
+    gauges = from_tables(TABLES)
+    assert from_tables(to_tables(gauges)) == gauges and to_tables(gauges) == TABLES
+    case = Case("disk", HollowDisk(), Case.from_toml("[geometry]\ndevice='HollowDisk'\n[load]\npressure_cm=[1]\n").material,
+                pressures_cm=(1.0,), gauges=gauges)  # fmt: skip
+    assert Case.from_toml(case.to_toml()).gauges == gauges
+    assert "[points]" not in Case("disk", HollowDisk(), case.material, pressures_cm=(1.0,)).to_toml()
+
+
+REFUSED = (
+    ({"points": {"tip": "40, 0, 5"}}, "point tip"),
+    ({"points": {"tip": 40}}, "write a point as"),
+    ({"points": {"my tip": "40, 0, 5 mm"}}, "cannot name a column"),
+    ({"angles": {"bend": "base to tip"}}, "no point 'base'"),
+    ({**TABLES, "angles": {"bend": "tip to tip"}}, "to itself"),
+    ({**TABLES, "angles": {"bend": "base tip"}}, "from point to point"),
+    ({**TABLES, "angles": {"bend": []}}, "two such lines"),
+    ({"profile": {"plane": "named lid"}}, "write a plane"),
+    ({"profile": {"line": "y = 0 mm"}}, "unknown entry 'line'"),
+)
+
+
+@pytest.mark.parametrize(("tables", "said"), REFUSED)
+def test_bad_texts_are_refused(tables, said):
+    with pytest.raises(GaugeError, match=said):
+        from_tables(tables)
+
+
+def test_a_device_keeps_its_own_columns():
+    text = '[geometry]\ndevice = "SeminarActuator"\n[load]\npressure_cm = [1]\n[points]\ntip = "70, 0, 4 mm"\n'
+    with pytest.raises(CaseError, match="tip_x_mm is a column of its own"):
+        Case.from_toml(text)
+
+
+@pytest.fixture(scope="module")
+def block(runs, step_file, tmp_path_factory):
+    """Half a block with an eccentric cavity, run to 15 cm with points: its case file, its folder, what it said."""
+    folder = tmp_path_factory.mktemp("block")
+
+    def draw(occ):
+        occ.cut([(3, occ.addBox(0, 0, 0, 40, 6, 10))], [(3, occ.addBox(4, 0, 6, 32, 4, 2))])
+
+    step_file(folder / "block.step", draw)
+    case = folder / "case.toml"
+    case.write_text(BLOCK.format(file="block.step", pressures="0, 15") + GAUGES.format(height=4.9))
+    return case, folder / "out", run_case(runs, case, folder / "out")
+
+
+def run_case(runs, case, folder, *words, **options):
+    return runs.run("-m", "softmodels", "run", case, "-o", folder, "--no-pictures", *words, **options)
+
+
+def test_points_and_angles_are_in_the_table(block, runs):
+    _, folder, done = block
+    assert done.status == 0, done.err
+    assert "point tip is followed at 40, 0, 4.9 mm, on the surface" in done.err and "bend -" in done.out
+    rest, *_, last = runs.rows(folder)
+    assert (rest["tip_x_mm"], rest["tip_y_mm"], rest["tip_z_mm"]) == pytest.approx((40.0, 0.0, 4.9), abs=1e-9)
+    assert rest["bend_deg"] == 0.0 and rest["opening_deg"] == pytest.approx(180 - math.degrees(math.atan2(4.9, 36.0)))
+    across, up = ([last[f"tip_{axis}_mm"] - last[f"base_{axis}_mm"] for last in (rest, last)] for axis in "xz")
+    turned = [math.degrees(math.atan2(z, x)) for x, z in zip(across, up, strict=True)]
+    assert last["bend_deg"] == pytest.approx(turned[1] - turned[0], abs=1e-9) and last["bend_deg"] < -0.02
+    assert (last["root_x_mm"], last["root_z_mm"]) == pytest.approx((0.0, 0.0), abs=1e-12)  # held
+
+
+def test_two_ranks_and_going_on_tell_the_same(block, runs, tmp_path):
+    case, folder, _ = block
+    mpirun = Path(sys.executable).with_name("mpirun")
+    if not mpirun.exists():
+        pytest.skip("no mpirun beside the interpreter")
+    shorter = case.with_name("shorter.toml")
+    shorter.write_text(case.read_text().replace("pressure_cm = [0, 15]", "pressure_cm = [0, 5]"))
+    assert run_case(runs, shorter, tmp_path / "two", launcher=[mpirun, "-n", "2"]).status == 0
+    longer = case.with_name("longer.toml")
+    longer.write_text(case.read_text().replace("pressure_cm = [0, 15]", "pressure_cm = [0, 5, 15]"))
+    done = run_case(runs, longer, tmp_path / "two", "--resume", launcher=[mpirun, "-n", "2"])
+    assert done.status == 0, done.err
+    one, two = runs.rows(folder)[-1], runs.rows(tmp_path / "two")[-1]
+    for column in ("tip_x_mm", "tip_z_mm", "base_z_mm", "bend_deg", "opening_deg"):
+        assert two[column] == pytest.approx(one[column], rel=1e-7, abs=1e-9), column
+    old, text = Case.from_file(longer), longer.read_text().replace("4.9 mm", "4.5 mm")
+    assert difference(identity(old), identity(Case.from_toml(text, case.parent))) == "gauges.points"
+
+
+def test_a_point_beside_the_part_is_refused(block, runs, tmp_path):
+    case, _, _ = block
+    far = case.with_name("far.toml")
+    far.write_text(case.read_text().replace("40, 0, 4.9 mm", "40, -30, 4.9 mm"))
+    done = run_case(runs, far, tmp_path / "far")
+    assert done.status == 2 and "point tip lies 30 mm off the surface, whose nearest place is 40, 0, 4.9 mm" in done.err
+
+
+def test_the_profile_is_the_outside_in_the_plane(block):
+    from softmodels.cut_lines import axes_of, cut_line
+    from softmodels.states import States
+
+    states = States(block[1], "part")
+    normal, at = states.case.gauges.cut
+    size = states.actuator.size
+    rest = 1e3 * cut_line(states.skin, states.points, np.zeros_like(states.points), normal, at, size)
+    moved = 1e3 * cut_line(
+        states.skin, states.points, states.field(len(states.rows) - 1, "displacement"), normal, at, size
+    )
+    lengths = np.linalg.norm(rest[:, 1] - rest[:, 0], axis=1)
+    assert lengths.sum() == pytest.approx(100.0, rel=1e-3)  # round the block of 40 x 10 mm, the cavity left out
+    assert np.abs(rest[..., 1]).max() < 1e-3 and rest[..., 2].max() == pytest.approx(10.0, abs=1e-6)
+    assert moved[..., 2].max() > 10.05
+    right, up = axes_of(normal, states.actuator.lift)
+    assert right == pytest.approx((1.0, 0.0, 0.0)) and up == pytest.approx((0.0, 0.0, 1.0))
+
+
+def test_a_point_of_a_section_is_the_apex(runs, tmp_path):
+    case = tmp_path / "disk.toml"
+    case.write_text(
+        '[geometry]\ndevice = "HollowDisk"\nsection = "axisymmetric"\ncell_size = "6 mm"\n[load]\npressure_cm = [50]\n'
+        '[points]\ntop = "0, 0, 16 mm"\nrim = "20, 0, 16 mm"\n'
+    )
+    assert run_case(runs, case, tmp_path / "out").status == 0
+    row = runs.rows(tmp_path / "out")[-1]
+    assert row["top_z_mm"] == pytest.approx(16.0 + row["apex_mm"], abs=1e-9) and row["top_x_mm"] == pytest.approx(
+        0.0, abs=1e-9
+    )
