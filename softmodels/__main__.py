@@ -15,6 +15,7 @@ with stoppable("softmodels", speaks):
     from softmodels.curve_command import curve
     from softmodels.demo import demo
     from softmodels.fit_command import fit_material
+    from softmodels.silicone_command import silicones
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -28,6 +29,7 @@ def softmodels() -> None:
     softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
+    softmodels silicones                named silicones with all their sources
     softmodels demo                     once around: simulate, photograph, measure, fit, compare
     softmodels doctor                   check the installation
     """
@@ -68,6 +70,7 @@ def check() -> None:
 
 softmodels.add_command(fit_material)
 softmodels.add_command(curve)
+softmodels.add_command(silicones)
 softmodels.add_command(demo)
 
 

@@ -16,6 +16,8 @@ UNDECIDED = 2.0
 CURVE_VALUES = 10.0
 """Independent values that one measured curve is worth, however many points it has: what a pull gets wrong (cross-section,
 grips, crosshead strain) keeps together over about a tenth of it."""
+EQUAL = 1.3
+"""Misfits on the yardstick are equal within the error where one mean square is less than 1.7 times the other."""
 MOST_RATIO = 2.5
 """A law whose root mean square misfit is this many times another's is not preferred, however simple it is."""
 SAME = 1e-3
@@ -31,12 +33,14 @@ class Ranked:
         aicc: Akaike's corrected criterion.
         bic: Schwarz's.
         ratio: Root mean square misfit over that of the closest law.
+        near: Whether the law follows the data nearly as closely as the closest does.
     """
 
     fit: Fit
     aicc: float
     bic: float
     ratio: float = 1.0
+    near: bool = True
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +65,8 @@ def compare(fits: Sequence[Fit], judged: Sequence[Fit] | None = None) -> Compari
     Multimodel Inference, section 2.5). What the misfit is counted in decides, so measured curves are judged on one yardstick,
     whatever errors they are fitted with: `tensile_fit.on_yardstick` fits each law again with what a test can tell, a share of
     the stress, and each curve counts as `CURVE_VALUES` values, however densely it is sampled. A further parameter then pays
-    where it takes a tenth off the mean square misfit, or off what a test can tell where the misfit is below that.
+    where it takes a tenth off the mean square misfit, or off what a test can tell where the misfit is below that. A simpler
+    law is preferred only where its misfit is less than `EQUAL` times the closest law's.
     Other fits count as many values as they have independent residuals, their runs of like sign taken together.
 
     A law whose root mean square misfit is `MOST_RATIO` times another's is never preferred. The BIC is formed likewise.
@@ -75,14 +80,15 @@ def compare(fits: Sequence[Fit], judged: Sequence[Fit] | None = None) -> Compari
     """
     _check(fits)
     misfits, values = _on_curves(judged) if judged else _on_residuals(fits)
-    ratios = _ratios(fits, judged)
+    ratios = _ratios(fits)
+    even = [ratio <= EQUAL for ratio in _ratios(judged)] if judged else [True] * len(fits)
     made = []
-    for fit, misfit, ratio in zip(fits, misfits, ratios, strict=True):
+    for fit, misfit, ratio, equal in zip(fits, misfits, ratios, even, strict=True):
         m = len(fit.free) + 1
         aicc = misfit + 2 * m + 2 * m * (m + 1) / max(fit.count - m - 1, 1)
-        made.append(Ranked(fit, aicc, misfit + m * math.log(max(values, 1.0)), ratio))
+        made.append(Ranked(fit, aicc, misfit + m * math.log(max(values, 1.0)), ratio, equal and ratio <= MOST_RATIO))
     # A fit that did not converge, or that another leaves far behind, has no criterion worth ranking by.
-    made.sort(key=lambda one: (not one.fit.converged, one.ratio > MOST_RATIO, one.aicc))
+    made.sort(key=lambda one: (not one.fit.converged, not one.near, one.aicc))
     least, lowest = made[0].aicc, min(one.bic for one in made)
     ranked = tuple(dataclasses.replace(one, aicc=one.aicc - least, bic=one.bic - lowest) for one in made)
     return Comparison(ranked, *_judgement(ranked))
@@ -105,11 +111,17 @@ def _on_curves(judged: Sequence[Fit]) -> tuple[list[float], float]:
 
 
 def _means(fit: Fit) -> dict[str, float]:
-    """Mean over each curve of the loss of its squared residuals; the priors' share goes to the first."""
+    """Mean over each curve of the loss of its squared residuals; the priors' share goes to the first.
+
+    The noise that averaging took from a curve counts as if it were there, so that each sampling has the same misfit.
+    """
     labels = np.array(fit.rows.groups)
     squares = fit.residuals**2
     losses = loss_of(fit.loss, squares, len(squares) - fit.count)[0]
     means = {str(name): float(losses[: fit.count][labels == name].mean()) for name in dict.fromkeys(fit.rows.groups)}
+    for source in fit.problem.sources:
+        if hidden := float(getattr(source, "averaged_away", 0.0)):
+            means[source.label] += hidden**2 * float(np.mean(np.array(fit.rows.sizes)[labels == source.label] ** -2.0))
     means[fit.rows.groups[0]] += float(losses[fit.count :].sum()) / CURVE_VALUES
     return means
 
@@ -123,15 +135,16 @@ def _on_residuals(fits: Sequence[Fit]) -> tuple[list[float], float]:
     return [fit.deviance / worth for fit in fits], closest.independent
 
 
-def _ratios(fits: Sequence[Fit], judged: Sequence[Fit] | None) -> list[float]:
+def _ratios(fits: Sequence[Fit]) -> list[float]:
     """Root mean square misfit of each law over that of the closest one, every curve or photograph counting the same."""
-    ruler = (judged or fits)[0]
-    labels, sizes = np.array(ruler.rows.groups), np.array(ruler.rows.sizes)
+    labels, sizes = np.array(fits[0].rows.groups), np.array(fits[0].rows.sizes)
+    hidden = {source.label: float(getattr(source, "averaged_away", 0.0)) for source in fits[0].problem.sources}
+    misfits = [{k: math.hypot(v.rms, hidden.get(k, 0.0)) for k, v in fit.summaries.items()} for fit in fits]
     least = {
-        name: max(min(fit.summaries[name].rms for fit in fits), SAME * float(sizes[labels == name].mean()))
+        name: max(min(one[name] for one in misfits), SAME * float(sizes[labels == name].mean()))
         for name in fits[0].summaries
     }
-    sums = [sum((fit.summaries[name].rms / least[name]) ** 2 for name in least) for fit in fits]
+    sums = [sum((one[name] / least[name]) ** 2 for name in least) for one in misfits]
     smallest = max(min(sums), len(least))
     return [math.sqrt(max(one / smallest, 1.0)) for one in sums]
 
@@ -141,14 +154,14 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:
     first = best.label
     if len(ranked) == 1:
         return best, f"{first} is the only law fitted, so nothing says whether another would do better"
-    rivals = [one for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged and one.ratio <= MOST_RATIO]
+    rivals = [one for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged and one.near]
     if rivals:
         simplest = min((ranked[0], *rivals), key=lambda one: len(one.fit.free)).fit
         others = ", ".join(one.fit.label for one in rivals)
         return simplest, f"the data do not decide between {first} and {others}; take {simplest.label}, the simplest"
     second = ranked[1]
     times = f"a misfit {second.ratio / ranked[0].ratio:.3g} times as large"
-    if second.aicc < UNDECIDED:
+    if not second.near or second.aicc < UNDECIDED:
         return best, f"the data prefer {first}: the next, {second.fit.label}, leaves {times}"
     said = f"the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells) and leaves {times}"
     return best, f"the data prefer {first}: {said}"

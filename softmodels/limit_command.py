@@ -25,6 +25,7 @@ from softmodels.body import BodyError
 from softmodels.case import Case, CaseError
 from softmodels.commandline import fail
 from softmodels.compiling import CompilingError
+from softmodels.limit_band import band_texts, with_ends
 from softmodels.limits import LARGEST_STRETCH, Limit, Tolerance, find_limit, samples, scatter
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import Material, MaterialError
@@ -78,6 +79,7 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
             on_root(comm, lambda: folder.append(open_folder(output, Path("results/limit"), "limits", given, files)))
         except OwnFolderError as error:
             fail(str(error))
+    materials, bands = with_ends(materials)
     try:
         around = (asked.sheet, asked.obstacle, asked.formulation)
         limits = find_limit(device, list(materials.values()), comm, *around)
@@ -95,6 +97,8 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
     table = [_row(name, found, cm, working_cm) for name, found in zip(materials, limits, strict=True)]
     for row, found in zip(table, limits, strict=True):
         click.echo(_sentence(row, found, device))
+    for text in band_texts(bands, dict(zip(materials, limits, strict=True)), cm):
+        click.echo(text)
     if hidden := unseen(device):
         click.echo(f"note: {hidden}")
     if len(device.ratios) > 1:

@@ -12,7 +12,7 @@ import click
 from measurement.toml_file import TomlError, read_toml
 from measurement.units import UnitError, brief, exact_text, quantity
 from softmodels.materials import LAWS, Material, MaterialError, NeoHookean, Ogden
-from softmodels.silicones import SILICONES
+from softmodels.silicones import PRODUCTS, silicone_called
 
 DEFAULT = NeoHookean(shear_modulus=30e3)
 CONVENTIONS = ("mu/alpha", "2mu/alpha^2")
@@ -44,7 +44,8 @@ def material_options(command: Callable[..., Any], default: str | None = None) ->
         of = "all laws" if len(owners[name]) == len(LAWS) else ", ".join(owners[name])
         command = click.option(_flag(name), name, help=f"{texts[name][0].upper()}{texts[name][1:]} ({of}).")(command)
     text = (
-        f"A law ({', '.join(LAWS)}), a silicone ({', '.join(SILICONES)}) or a TOML file with a [material] table.  "
+        f"A law ({', '.join(LAWS)}), a silicone ({', '.join(PRODUCTS)}; perhaps with its source, such as "
+        "ecoflex-00-30/liao-2021: see softmodels silicones) or a TOML file with a [material] table.  "
         f"[default: {default or f'neo-hookean, shear modulus {exact_text(DEFAULT.shear_modulus, "Pa")}'}]"
     )
     return click.option("--material", "material", metavar="NAME", help=text)(command)
@@ -77,15 +78,15 @@ def material_from(name: str | None, values: Mapping[str, Any]) -> Material:
         if law == "neo-hookean" and not {"shear_modulus", "young", "c1", "d1"} & set(given):
             given["shear_modulus"] = exact_text(DEFAULT.shear_modulus, "Pa")
         return from_table({"law": law, **given})
-    if law in SILICONES:
-        table = to_table(SILICONES[law].material)
+    if silicone := silicone_called(law):
+        table = to_table(silicone.material)
     elif law.endswith(".toml") or Path(law).is_file():
         try:
             return from_table({**_read_file(Path(law)), **given})
         except MaterialError as error:
             raise MaterialError(f"material file {law}: {error}") from None
     else:
-        known = ", ".join([*LAWS, *SILICONES])
+        known = ", ".join([*LAWS, *PRODUCTS])
         raise MaterialError(f"material {law!r} is neither a law, a silicone nor a TOML file; known are {known}")
     return from_table({**table, **given})
 
@@ -126,9 +127,13 @@ def from_table(table: Mapping[str, Any]) -> Material:
     values = dict(table)
     if "silicone" in values:
         silicone = values.pop("silicone")
-        if not isinstance(silicone, str) or silicone not in SILICONES:
-            raise MaterialError(f"silicone {silicone!r} is unknown; known are {', '.join(SILICONES)}")
-        return from_table({**to_table(SILICONES[silicone].material), **values})
+        found = silicone_called(silicone) if isinstance(silicone, str) else None
+        if found is None:
+            known = ", ".join(PRODUCTS)
+            raise MaterialError(
+                f"silicone {silicone!r} is unknown; known are {known}, and their sources (softmodels silicones)"
+            )
+        return from_table({**to_table(found.material), **values})
     name = values.pop("law", None)
     if not isinstance(name, str) or name not in LAWS:
         raise MaterialError(f"law {name!r} is unknown; known are {', '.join(LAWS)}")

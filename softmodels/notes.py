@@ -9,6 +9,7 @@ from typing import Any
 from softmodels.case import Case
 from softmodels.gauges import followed_text
 from softmodels.law_stability import instabilities
+from softmodels.silicone_spread import material_spread
 from softmodels.silicones import SILICONES, named, stretch_at_break
 
 Row = Mapping[str, Any]
@@ -26,6 +27,7 @@ def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
     return [
         *law_notes(case, rows),
         *stretch_notes(case, rows),
+        *source_notes(case),
         *volume_notes(rows),
         *contact_notes(rows),
         *depth_notes(case, rows),
@@ -61,12 +63,18 @@ def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
             f"at {torn['pressure_cm']:.4g} cm the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at which "
             f"{name} broke when pulled ({silicone.source}): the device tears there, and no state from there on is real"
         ]
-    if most["max_stretch"] > silicone.stretches[1]:
+    if silicone.stretches is not None and most["max_stretch"] > silicone.stretches[1]:
         return [
             f"the largest stretch, {most['max_stretch']:.3g}, lies beyond {silicone.stretches[1]:g}, up to which {name} was "
             "fitted: what stretches so far is an extrapolation"
         ]
     return []
+
+
+def source_notes(case: Case) -> list[str]:
+    """How far the sources of a named silicone lie apart; none for a material that is not of the library."""
+    text = material_spread(case.material)
+    return [text] if text else []
 
 
 def volume_notes(rows: Sequence[Row]) -> list[str]:

@@ -68,6 +68,7 @@ class TensileCurve:
         stress: Nominal stress in Pa, shape (n,).
         remarks: Sentences on what was left out.
         noise: Standard deviation in Pa of the readings that its points are averages of; None if they are readings themselves.
+        readings: Readings per point.
     """
 
     name: str
@@ -76,6 +77,7 @@ class TensileCurve:
     stress: Array
     remarks: tuple[str, ...] = ()
     noise: float | None = None
+    readings: float = 1.0
 
     def within(self, low: float, high: float) -> TensileCurve:
         """The part between two stretches.

@@ -110,6 +110,11 @@ class TensileResiduals:
         return f"{self.curve.name} ({self.curve.mode})"
 
     @property
+    def averaged_away(self) -> float:
+        """Standard deviation in Pa of the readings' noise that a thinned curve no longer shows."""
+        return noise(self.curve) * math.sqrt(1 - 1 / self.curve.readings)
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         return (*self.choice.names, self.gauge) if self.gauge else self.choice.names
 

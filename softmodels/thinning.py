@@ -46,7 +46,14 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
         f"scatter about them by {scatter / 1e3:.2g} kPa rms, and the averages miss the curve by {missed / 1e3:.2g} kPa at most"
     )
     remarks = (*curve.remarks, remark)
-    return dataclasses.replace(curve, stretch=stretch, stress=stress, remarks=remarks, noise=noise(curve))
+    return dataclasses.replace(
+        curve,
+        stretch=stretch,
+        stress=stress,
+        remarks=remarks,
+        noise=noise(curve),
+        readings=len(curve.stretch) / len(stretch),
+    )
 
 
 def _averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArray[np.int64]]:

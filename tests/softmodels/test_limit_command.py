@@ -39,7 +39,15 @@ def test_a_table_of_materials_with_margins(runs, tmp_path):
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, *materials, "--working-cm", "10", "--output", tmp_path)
     assert done.status == 0 and done.err == ""
     rows = json.loads((tmp_path / "limit.json").read_text())
-    assert [row["material"] for row in rows] == ["ecoflex-00-30", "dragon-skin-20"]
+    both = ["ecoflex-00-30/smooth-on", "dragon-skin-20/smooth-on"]
+    assert [row["material"] for row in rows] == ["ecoflex-00-30", "dragon-skin-20", *both]
+    # Both ends of what each product's sources say, as computed limits.
+    for soft, stiff in ((rows[0], rows[2]), (rows[1], rows[3])):
+        ends = sorted((row["limit_cm"], row["material"]) for row in (soft, stiff))
+        (text,) = [line for line in done.out.splitlines() if line.startswith(f"{soft['material']} between its softest")]
+        assert (
+            all(f"{limit:.4g} cm (" in text and name in text for limit, name in ends) and ends[1][0] > 1.4 * ends[0][0]
+        )
     for row in rows:
         assert row["margin"] == pytest.approx(row["limit_cm"] / 10) and f"{row['limit_cm']:.4g} cm" in done.out
     assert rows[1]["limit_cm"] > 3 * rows[0]["limit_cm"] and "--angle 360deg" in done.out

@@ -12,7 +12,8 @@ import pytest
 
 from softmodels.homogeneous import nominal_stress
 from softmodels.materials import LAWS, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.silicones import SILICONES, named, stretch_at_break
+from softmodels.silicone_spread import spread_sentence
+from softmodels.silicones import PRODUCTS, SILICONES, named, silicone_called, stretch_at_break
 from softmodels.strain import HomogeneousStrain
 
 EXAMPLES = {
@@ -147,7 +148,7 @@ def test_impossible_materials(make, words):
 @pytest.mark.parametrize("name", SILICONES)
 def test_silicones_only_stiffen_in_the_range_of_their_fit(name):
     silicone = SILICONES[name]
-    stretch = np.linspace(*silicone.stretches, 50)
+    stretch = np.linspace(*(silicone.stretches or (1.0, 2.0)), 50)
     assert (np.diff(nominal_stress(silicone.material, stretch)) > 0).all()
 
 
@@ -156,9 +157,47 @@ def test_a_silicone_is_known_again(name):
     silicone = SILICONES[name]
     assert named(silicone.material) == name
     assert named(dataclasses.replace(silicone.material, poisson=0.4999)) == name
-    assert named(dataclasses.replace(silicone.material, c1=silicone.material.c1 * 1.01)) is None
+    first = dataclasses.fields(silicone.material)[0].name
+    value = getattr(silicone.material, first)
+    other = tuple(1.01 * one for one in value) if isinstance(value, tuple) else 1.01 * value
+    assert named(dataclasses.replace(silicone.material, **{first: other})) is None
     limit = stretch_at_break(silicone.material)
     assert limit is None or limit > silicone.stretches[1]
+
+
+def test_the_library_holds_what_was_measured_by_whom():
+    """Marechal's and Liao's curves of Ecoflex 00-30, with their moduli; every source with its origin; the bare name as ever."""
+    moduli = {one.origin.key: one.material.shear_modulus_0 / 1e3 for one in PRODUCTS["ecoflex-00-30"]}
+    assert moduli["marechal-2021"] == pytest.approx(15.7, abs=0.05) and moduli["liao-2021"] == pytest.approx(
+        27.8, abs=0.05
+    )
+    assert len(moduli) >= 4 and len(PRODUCTS) >= 20
+    assert SILICONES["ecoflex-00-30"].material == Yeoh(7859.0, 94.3, 0.0, 0.5)
+    for other in ("ecoflex-00-30/liao-2021", "ecoflex-00-30-liao"):
+        assert silicone_called(other).material == Yeoh(13892.0, 61.2, 29.5, 0.5)
+    assert silicone_called("ecoflex-00-30/marechal-2021") is SILICONES["ecoflex-00-30"]
+    assert silicone_called("ecoflex-00-30/nobody") is None
+    for name, one in SILICONES.items():
+        assert all(vars(one.origin).values()), name
+        keys = [source.origin.key for source in PRODUCTS[name.partition("/")[0]]]
+        assert len(set(keys)) == len(keys)
+
+
+def test_a_data_sheet_is_its_one_reading_and_sparks_compression_is_his_stress():
+    """10 psi at 100 %; 24.0 +- 1.7 kPa at 25 % compression (figure 5)."""
+    sheet, pressed = silicone_called("ecoflex-00-30/smooth-on"), silicone_called("ecoflex-00-30/sparks-2015")
+    assert nominal_stress(sheet.material, 2.0) == pytest.approx(10 * 6894.757, rel=1e-5)
+    assert -nominal_stress(pressed.material, 0.75) == pytest.approx(24.0e3, abs=0.3e3)
+
+
+def test_the_spread_is_told():
+    text = spread_sentence("ecoflex-00-30")
+    assert "marechal-2021 15.7" in text and "liao-2021 27.8" in text and "a factor of 2.5" in text
+    assert "--material ecoflex-00-30/smooth-on" in text
+    alone = spread_sentence("mold-star-20t")
+    assert "one source here" in alone and "unknown" in alone and "factor of" in alone
+    for name in SILICONES:
+        assert spread_sentence(name)
 
 
 def test_elongations_at_break_are_the_last_points_of_the_data():

@@ -1,0 +1,67 @@
+"""The command ``silicones`` and what runs of named silicones say of their spread."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from softmodels.__main__ import softmodels as whole_command
+from softmodels.commandline import main
+from softmodels.silicones import PRODUCTS
+
+
+@pytest.fixture
+def says(monkeypatch, capsys):
+    def says(*words):
+        monkeypatch.setattr(sys, "argv", ["softmodels", *words])
+        with pytest.raises(SystemExit) as stop:
+            main(whole_command)
+            raise SystemExit(0)
+        said = capsys.readouterr()
+        return stop.value.code or 0, said.out, said.err
+
+    return says
+
+
+def test_all_are_listed_with_units(says):
+    status, out, _ = says("silicones")
+    assert status == 0
+    for product, many in PRODUCTS.items():
+        for one in many:
+            (line,) = [line for line in out.splitlines() if line.strip().startswith(f"{product}/{one.origin.key} ")]
+            assert f"{one.material.shear_modulus_0 / 1e3:.4g} kPa" in line
+
+
+def test_one_product_with_its_origins(says):
+    status, out, _ = says("silicones", "ecoflex-00-30")
+    assert status == 0 and "ecoflex-00-10" not in out
+    for words in (
+        "10.1089/soro.2019.0115",
+        "10.1016/j.ijmecsci.2021.106624",
+        "450 mm/min",
+        "first cycle",
+        "factor of 2.5",
+    ):
+        assert words in out
+
+
+def test_an_unknown_one_is_refused(says):
+    status, out, complaint = says("silicones", "butter")
+    assert (status, out) == (2, "") and "'butter' is no silicone" in complaint
+
+
+def test_a_run_says_how_far_laboratories_differ(runs, tmp_path):
+    """In the closing line, in the report and in summary.json; and another source by name gives other numbers."""
+    rises = {}
+    for name in ("ecoflex-00-30", "ecoflex-00-30/liao-2021"):
+        folder = tmp_path / name.replace("/", "-")
+        done = runs.run("-m", "softmodels.disk", "--pressure-cm", "0:20", "--section", "axisymmetric", "--material", name,
+                        "--no-pictures", "--output", folder)  # fmt: skip
+        assert done.status == 0, done.err
+        notes = json.loads((folder / "summary.json").read_text())["notes"]
+        (note,) = [note for note in notes if "its sources differ" in note]
+        assert "liao-2021 27.8" in note and note in done.out + done.err
+        rises[name] = float((folder / "path.csv").read_text().splitlines()[-1].split(",")[4])
+    assert rises["ecoflex-00-30"] != rises["ecoflex-00-30/liao-2021"]
