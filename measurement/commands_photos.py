@@ -128,7 +128,9 @@ def _run(
         for result in results:
             click.echo(_line(result))
         click.echo(_scale_words(setup, zero, width))
-        click.echo(f"{len(results) - len(refused)} of {len(results)} measured; written to {folder.path}")
+        weak = sum(isinstance(result.outcome, Outline) and not result.outcome.trusted for result in results)
+        told = f", {weak} of them not trusted" if weak else ""
+        click.echo(f"{len(results) - len(refused)} of {len(results)} measured{told}; written to {folder.path}")
         for result in results:
             if result.name != result.photograph.file.stem and isinstance(result.outcome, Outline):
                 click.echo(

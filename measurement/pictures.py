@@ -149,9 +149,11 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
         folder: Where the run's pictures lie.
     """
     good = sum(isinstance(result.outcome, Outline) for result in results)
-    summary = f"{good} of {len(results)} photographs measured" + (
-        "." if good == len(results) else f", {len(results) - good} refused."
-    )
+    weak = sum(isinstance(result.outcome, Outline) and not result.outcome.trusted for result in results)
+    parts = [f"{good} of {len(results)} photographs measured"]
+    parts += [f"{weak} of them not trusted"] if weak else []
+    parts += [f"{len(results) - good} refused"] if good < len(results) else []
+    summary = ", ".join(parts) + "."
     titles = (
         ("profiles.png", "All outlines"),
         ("heights.png", "Height over pressure"),

@@ -209,6 +209,8 @@ def test_the_exit_status_says_that_some_were_refused(bench):
     folder, done, rows, names, files = bench
     assert done.exit_code == 3
     assert len(rows) == 1 + len(names) + len(files)
+    weak = sum(row["trusted"] == "no" for row in rows.values())
+    assert weak and f", {weak} of them not trusted; written to" in done.output
     for name, row in rows.items():
         if row["trusted"] == "refused":
             assert f"{name}: refused, {row['remarks']}" in done.stderr
