@@ -8,7 +8,8 @@ import numpy as np
 
 from softmodels.fit_problem import FitError
 from softmodels.materials import Material
-from softmodels.silicones import SILICONES, named
+from softmodels.silicone_spread import product_of
+from softmodels.silicones import PRODUCTS, named, silicone_called
 from softmodels.soundness import Judgement
 from softmodels.specimens import respond
 
@@ -76,14 +77,14 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
         return Expected("the case's own material", (material,), GUESS, False)
     curves = published(name)
     if not curves:
-        raise FitError(f"silicone {name!r} is unknown; known are {', '.join(SILICONES)}, and any")
+        raise FitError(f"silicone {name!r} is unknown; known are {', '.join(PRODUCTS)}, and any")
     return Expected(f"published curves of {name}", curves, ROOM if len(curves) > 1 else ALONE, True)
 
 
 def published(name: str) -> tuple[Material, ...]:
-    """All curves of the library of the product that a name means, whichever laboratory the name stands for."""
-    product = min((one for one in SILICONES if name == one or name.startswith(f"{one}-")), key=len, default=name)
-    return tuple(one.material for key, one in SILICONES.items() if key == product or key.startswith(f"{product}-"))
+    """Laws of all sources that have pulled the product that a name means, whichever source the name stands for."""
+    sources = PRODUCTS.get(product_of(name), ()) if silicone_called(name) else ()
+    return tuple(one.material for one in sources if one.pulled)
 
 
 def secant(material: Material, stretch: float) -> float:

@@ -196,15 +196,13 @@ def cut_profiles(
     axes = figure.subplots()
     colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
     names = _labels(rows, _labelled(list(lines)))
-    drawn: list[tuple[Array, Any, float, str, str | None]] = [(rest, EDGE, 1.4, "--", "undeformed")]
+    drawn: list[tuple[Array, Any, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
     drawn += [
         (line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)
     ]
     for pieces, colour, width, style, label in drawn:
         flat = 1e3 * pieces @ axes_of_plane.T
-        axes.add_collection(
-            LineCollection(list(flat), colors=[colour], linewidths=width, linestyles="-" if style == "-" else ":")
-        )
+        axes.add_collection(LineCollection(list(flat), colors=[colour], linewidths=width, linestyles=style))
         axes.plot([], [], style, color=colour, linewidth=width, label=label)
     axes.autoscale()
     axes.set_aspect("equal")
