@@ -15,6 +15,7 @@ with stoppable("softmodels", speaks):
     from softmodels.curve_command import curve
     from softmodels.demo import demo
     from softmodels.fit_command import fit_material
+    from softmodels.score_command import score
     from softmodels.silicone_command import silicones
 
 
@@ -29,6 +30,7 @@ def softmodels() -> None:
     softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
+    softmodels score --material fitted.toml --tensile other.csv   a material against held-out measurements
     softmodels silicones                named silicones with all their sources
     softmodels demo                     once around: simulate, photograph, measure, fit, compare
     softmodels doctor                   check the installation
@@ -70,6 +72,7 @@ def check() -> None:
 
 softmodels.add_command(fit_material)
 softmodels.add_command(curve)
+softmodels.add_command(score)
 softmodels.add_command(silicones)
 softmodels.add_command(demo)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from softmodels.fit_problem import Parameter
 from softmodels.fit_result import Fit
+from softmodels.materials import MaterialError
 
 NORMAL = 1.96
 """Half a 95 % interval in standard errors."""
@@ -77,7 +78,10 @@ def _modulus_error(fit: Fit, modulus: Callable[[Mapping[str, float]], float]) ->
         if p.name in fit.at_bounds or p.hidden or p.name == "poisson":
             continue
         step = 1e-6 * (abs(fit.values[p.name]) or p.scale)
-        ends = [modulus({**fit.values, p.name: fit.values[p.name] + sign * step}) for sign in (-1.0, 1.0)]
+        try:
+            ends = [modulus({**fit.values, p.name: fit.values[p.name] + sign * step}) for sign in (-1.0, 1.0)]
+        except MaterialError:  # a law at the edge of what it can be: its modulus is nothing but rounding
+            return math.inf
         slope[i] = (ends[1] - ends[0]) / (2 * step)
     seen = slope != 0.0
     if not seen.any():

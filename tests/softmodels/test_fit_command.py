@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.commandline import main
+from softmodels.law_choice import LawChoice
 from softmodels.material_table import from_table, material_from
 from softmodels.materials import Ogden, Yeoh
 from softmodels.specimens import respond
@@ -330,3 +332,19 @@ def test_bad_input_is_one_sentence(text, says):
     assert out == "" and complaint.startswith("softmodels: ") and complaint.count("\n") == 1
     assert all(word in complaint for word in REFUSED[text]), complaint
     assert not Path("results").exists()
+
+
+def test_a_law_at_the_edge_of_what_it_can_be_is_judged(tmp_path):
+    """Mooney-Rivlin on a curve that only hardens ends at a shear modulus of nothing: a sentence, no traceback."""
+    from softmodels.fitting import fit
+    from softmodels.soundness import objections
+    from softmodels.tensile import TensileCurve
+    from softmodels.tensile_fit import StressError, residuals_of
+
+    choice = LawChoice.from_text("mooney-rivlin")
+    curve = TensileCurve("edge", "uniaxial", L, respond(Yeoh(1.0, 300.0, 5.0, 0.5), L).stress)
+    sources, _ = residuals_of([curve], choice, StressError.from_text("constant"))
+    found = fit(sources, choice.parameters({"c10": 1e3, "c01": -1e3 + 1e-5}), errors="unknown")
+    edge = dataclasses.replace(found, values={"c10": 1e3, "c01": -1e3 + 1e-5})
+    said = objections(edge, lambda values: choice.material(values).shear_modulus_0)
+    assert any("shear modulus" in text or "do not determine" in text for text in said)

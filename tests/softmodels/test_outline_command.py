@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import json
 import os
@@ -22,6 +23,7 @@ from softmodels.case import Case
 from softmodels.fit_command import fit_material
 from softmodels.law_choice import LawChoice
 from softmodels.materials import Yeoh
+from softmodels.score_command import score
 from softmodels.simulated_outlines import Camera, simulated_outlines
 
 DISK = HollowDisk(cell_size=0.006, fillet=0.0, base_fillet=0.0)
@@ -281,3 +283,17 @@ def test_a_whole_fit(case, outlines, comm, tmp_path):
         )
         two = tomllib.loads((tmp_path / "two" / "fitted.toml").read_text())["fit"]["values"]
         assert two["c1"] == pytest.approx(values["c1"], rel=1e-8) and two["c2"] == pytest.approx(values["c2"], rel=1e-8)
+
+
+def test_scores_of_materials_on_a_device(case, outlines, measured, tmp_path):
+    """The true material's chi squared is about 1 per value and its band holds about 95 %; a false hardening shows."""
+    true, wrong = (f"yeoh:c1=14kPa,c2={c2}Pa,c3={TRUE['c3']}Pa,poisson=0.49" for c2 in (TRUE["c2"], 4 * TRUE["c2"]))
+    words = [case, outlines(*measured), "--material", true, "--material", wrong, "-o", tmp_path / "scores"]
+    done = CliRunner().invoke(score, [str(word) for word in words])
+    assert done.exit_code == 0, done.output
+    with (tmp_path / "scores" / "scores.csv").open() as file:
+        rows = {row["material"]: row for row in csv.DictReader(file)}
+    chi2 = {name: float(row["chi2_per_value"]) for name, row in rows.items()}
+    assert 0.4 < chi2[true] < 1.8 and chi2[wrong] > 5 * chi2[true], chi2
+    assert float(rows[true]["coverage_95"]) > 0.85 and rows[true]["unit"] == "m" and float(rows[true]["rms"]) < 30e-6
+    assert "standard errors" in rows[true]["worst"] and "7 outlines of disk" in done.output
