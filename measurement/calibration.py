@@ -6,6 +6,7 @@ The corners are measured again in the lens that they gave (`corners`), until bot
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -75,12 +76,18 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
     corners: dict[str, Points] = {}
     pictures: list[NDArray[np.uint8]] = []
     refused: dict[str, str] = {}
+    seen: dict[bytes, str] = {}
     size: tuple[int, int] | None = None
     for path in map(str, paths):
         try:
             image = cv2.cvtColor(read_pixels(Path(path)), cv2.COLOR_RGB2GRAY)
         except PictureError as error:
             refused[path] = str(error)
+            continue
+        # One view that counts twice looks like a camera that is known better.
+        same = seen.setdefault(hashlib.sha256(image.tobytes()).digest(), path)
+        if path in corners or same != path:
+            refused[path] = f"it is the same picture as {same}, and counts once"
             continue
         shape = (image.shape[1], image.shape[0])
         if size is not None and shape != size:

@@ -225,3 +225,11 @@ def test_calibration_reads_the_same_files(tmp_path, boards_drawn):
     done = CliRunner().invoke(main, ["calibrate", *names, "--pitch", "8mm", "-o", str(tmp_path / "camera.toml")])
     assert done.exit_code == 0, done.output
     assert "4 photographs used" in done.output
+    # One view named twice ended in a traceback, and counted twice under another name.
+    (tmp_path / "again.heic").write_bytes((tmp_path / "1.heic").read_bytes())
+    words = ["--pitch", "8mm", "-o", str(tmp_path / "twice.toml")]
+    twice = CliRunner().invoke(main, ["calibrate", *names, names[0], str(tmp_path / "again.heic"), *words])
+    assert twice.exit_code == 3 and isinstance(twice.exception, SystemExit), twice.output
+    assert "4 photographs used" in twice.output
+    assert f"{names[0]}: refused, it is the same picture as {names[0]}, and counts once" in twice.output
+    assert f"again.heic: refused, it is the same picture as {names[1]}" in twice.output
