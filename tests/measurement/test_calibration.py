@@ -79,7 +79,7 @@ def test_command_tells_of_real_boards(tmp_path, shared_data):
     done = CliRunner().invoke(main, ["calibrate", *map(str, boards), __file__, "--pitch", "25mm", "-o", str(output)])
     assert done.exit_code == 3
     assert len(re.findall(r"left\d\d.jpg: 0\.\d\d px", done.stdout)) == 7
-    assert f"{__file__}: refused, it cannot be read as a picture" in done.stderr
+    assert f"{__file__}: refused, the file is no picture" in done.stderr
     assert float(re.search(r"fx ([\d.]+) px", done.stdout)[1]) == pytest.approx(535.916, rel=0.005)
     assert float(re.search(r"miss by ([\d.]+) px", done.stdout)[1]) < 0.25
     assert f"written to {output}" in done.stdout
