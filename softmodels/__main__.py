@@ -14,6 +14,7 @@ with stoppable("softmodels", speaks):
     from softmodels.case import Case
     from softmodels.curve_command import curve
     from softmodels.demo import demo
+    from softmodels.examples import examples
     from softmodels.fit_command import fit_material
     from softmodels.score_command import score
     from softmodels.silicone_command import silicones
@@ -32,6 +33,7 @@ def softmodels() -> None:
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
     softmodels score --material fitted.toml --tensile other.csv   a material against held-out measurements
     softmodels silicones                named silicones with all their sources
+    softmodels examples                 small files to try everything with: photographs, a curve, a part, cases
     softmodels demo                     once around: simulate, photograph, measure, fit, compare
     softmodels doctor                   check the installation
     """
@@ -75,6 +77,7 @@ softmodels.add_command(curve)
 softmodels.add_command(score)
 softmodels.add_command(silicones)
 softmodels.add_command(demo)
+softmodels.add_command(examples)
 
 
 def main() -> None:

@@ -1,0 +1,114 @@
+"""The case files of ``softmodels examples``, one of each kind; each runs in seconds."""
+
+from __future__ import annotations
+
+_DISK = """[geometry]
+device = "HollowDisk"
+section = "axisymmetric"
+"""
+_THIN = f"""{_DISK}variant = "shadow"
+"""
+_YEOH = """
+[material]
+law = "yeoh"
+c1 = "10 kPa"
+c2 = "20 Pa"
+c3 = "3 Pa"
+poisson = 0.495
+"""
+_PART = """[geometry]
+device = "ImportedActuator"
+file = "mypart.step"
+cavities = ["at 11, 0, 2 mm", "at 11, 0, -2 mm"]
+support = "x = 0 mm"
+cell_size = "3 mm"
+"""
+
+CASES = {
+    "disk.toml": f"""# the disk of the photographs; what it is made of is for the fit to find
+name = "disk"
+
+{_DISK}
+[load]
+pressure_cm = "0:177"
+""",
+    "volume.toml": f"""# past the limit point, by the cavity's volume
+name = "volume"
+
+{_THIN}
+[load]
+volume_ml = "0:60:10"
+""",
+    "syringe.toml": f"""# driven by a syringe on a T-junction with 5 ml of tubes
+name = "syringe"
+
+{_THIN}
+[load]
+stroke_ml = "0:20"
+
+[supply]
+kind = "syringe"
+dead_volume = "5 ml"
+""",
+    "cycle.toml": f"""# a pressure raised and lowered again: the disk jumps out and back
+name = "cycle"
+
+{_THIN}{_YEOH}
+[load]
+pressure_cm = [0, 20, 36]
+cycle = true
+""",
+    "contact.toml": f"""# below a rigid plate 1 mm above the disk
+name = "contact"
+
+{_DISK}support = "base"
+
+[load]
+pressure_cm = "0:177"
+
+[contact]
+faces = "top"
+plane = "z = 17 mm"
+""",
+    "sheet.toml": """# the seminar actuator, coarse, with a thin sheet on its underside
+name = "sheet"
+
+[geometry]
+device = "SeminarActuator"
+around = 6
+cell_size = "8 mm"
+
+[material]
+silicone = "ecoflex-00-30"
+
+[load]
+pressure_cm = "0:40"
+
+[sheet]
+face = "bottom"
+stiffness = "100 N/m"
+""",
+    "mypart.toml": f"""# a part from a STEP file; the second cavity under half the pressure
+name = "mypart"
+
+{_PART}pressure_ratios = [1, 0.5]
+
+[material]
+silicone = "ecoflex-00-30"
+
+[load]
+pressure_cm = "0:20"
+""",
+    "program.toml": f"""# the same part, a series for each cavity: one inflated, the other filled with water and shut
+name = "program"
+
+{_PART}
+[material]
+silicone = "ecoflex-00-30"
+
+[load]
+cavity1.pressure_cm = [10, 20, 20]
+cavity2.volume_ml = [0, 0, 0.02]
+""",
+}
+"""Text by name of the file."""

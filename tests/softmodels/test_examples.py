@@ -1,0 +1,139 @@
+"""``softmodels examples``, and that every command of the README can be pasted: it parses, and the files it names are there."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from geometries.__main__ import main as geometries
+from measurement.__main__ import main as measurement
+from measurement.synthetic import dome
+from softmodels import disk, examples, seminar
+from softmodels.__main__ import softmodels
+from softmodels.case import Case
+from softmodels.homogeneous import nominal_stress
+from softmodels.law_choice import LawChoice
+from softmodels.tensile import read_curve
+
+README = Path(__file__).parents[2] / "README.md"
+FILE = re.compile(r"\.(toml|csv|jpg|step|msh)$|/")
+
+
+def readme_commands():
+    """Words of every command in the README's sh blocks, in order."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", README.read_text(), flags=re.MULTILINE | re.DOTALL)
+    lines = [line for block in blocks for line in block.splitlines()]
+    return [shlex.split(line, comments=True) for line in lines if line.strip() and not line.startswith("#")]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The examples with small photographs, and a dome in the simulated disk's place."""
+    halves = [dome(1e-3 * k, 0.0145)[500:1001] for k in range(1, 10)]
+    with pytest.MonkeyPatch.context() as changed:
+        changed.setattr(examples, "MEGAPIXELS", 0.1)
+        changed.setattr(examples, "inflated", lambda truth, comm: (None, halves))
+        changed.setattr("softmodels.parallel.start", lambda: None)
+        return examples.write_examples(tmp_path_factory.mktemp("fresh") / "examples")
+
+
+def test_every_readme_command_parses_and_finds_its_files(written, monkeypatch):
+    monkeypatch.chdir(written.path.parent)
+    commands = readme_commands()
+    assert len(commands) > 25
+    made: set[str] = set()
+    for words in commands:
+        assert words[:2] == ["uv", "run"], words
+        rest = words[2:]
+        if rest[0] == "mpirun":
+            rest = rest[3:]
+        if rest == ["softmodels", "examples"] or rest[0] == "pytest":
+            continue
+        _check_files(rest, written.path.parent, made)
+        _parse(rest, words)
+        made |= _outputs(rest)
+
+
+def _outputs(words):
+    given = {after for word, after in itertools.pairwise(words) if word in ("-o", "--output")}
+    return given or ({"results/fit"} if words[:2] == ["softmodels", "fit"] else set())
+
+
+def _check_files(words, folder, made):
+    """Every file that a command reads is an example or was made by a command before."""
+    before = ""
+    for word in words[1:]:
+        named = FILE.search(word) and not word.startswith("-") and "+-" not in word and before not in ("-o", "--output")
+        none = re.search(r"\dN/m$", word) or (before == "--material" and not word.endswith(".toml"))
+        if named and not none:
+            known = any(word.rstrip("/") == place or word.startswith(f"{place}/") for place in made)
+            assert known or list(folder.glob(word)), f"{' '.join(words)}: there is no {word}"
+        before = word
+
+
+def _parse(words, line):
+    """Let click read the options, without running anything."""
+    words = [str(path) for word in words for path in (sorted(Path().glob(word)) if "*" in word else [word])]
+    tree = {"softmodels": softmodels, "measurement": measurement, "geometries": geometries}
+    if words[0] == "softmodels":
+        command, words = softmodels, words[1:]
+    else:
+        assert words[:2] == ["python", "-m"], line
+        modules = {"softmodels.disk": disk.command, "softmodels.seminar": seminar.command, **tree}
+        command, words = modules[words[2]], words[3:]
+    while isinstance(command, click.Group):
+        command, words = command.get_command(click.Context(command), words[0]), words[1:]
+        assert command is not None, line
+    if "--help" not in words:
+        command.make_context("readme", words)
+
+
+def test_a_command_that_names_a_missing_file_is_noticed(written, tmp_path):
+    with pytest.raises(AssertionError, match="mypart"):
+        _check_files(["softmodels", "run", "mypart.toml"], tmp_path, set())
+    with pytest.raises(click.ClickException):
+        _parse(["softmodels", "fit", "--no-such-option"], "")
+
+
+def test_the_cases_are_cases_and_the_part_has_its_cavities(written):
+    cases = {path.stem: Case.from_file(path) for path in written.path.glob("*.toml")}
+    kinds = {case.quantity for case in cases.values()}
+    assert kinds == {"pressure", "volume", "stroke", "step"} and cases["cycle"].cycle
+    assert cases["contact"].obstacle is not None and cases["sheet"].sheet is not None
+    assert cases["disk"].actuator == HollowDisk(section="axisymmetric")
+    volumes = cases["program"].actuator.cavity_volume
+    assert volumes == pytest.approx(2 * 10e-3 * 6e-3 * 2e-3, rel=1e-6)
+
+
+def test_the_tensile_curve_is_of_the_silicone_in_the_photographs(written):
+    curve = read_curve(written.path / "pull.csv")
+    law = LawChoice.from_text(examples.TRUTH.law, examples.TRUTH.poisson).material(examples.TRUTH.values)
+    off = curve.stress - nominal_stress(law, curve.stretch)
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(examples.NOISE, rel=0.15)
+    assert "computed, not measured" in (written.path / "pull.csv").read_text()
+
+
+def test_no_file_of_the_user_is_touched(written, tmp_path):
+    folder = Path(shutil.copytree(written.path, tmp_path / "examples"))
+    mine = folder / "pull.csv"
+    mine.write_text("mine")
+    (folder / "volume.toml").unlink()
+    again = examples.write_examples(folder)
+    assert mine.read_text() == "mine" and mine in again.kept
+    assert [path.name for path in again.written] == ["volume.toml"]
+
+
+def test_boards_and_photographs_are_there(written):
+    names = {path.relative_to(written.path).as_posix() for path in written.path.rglob("*") if path.is_file()}
+    assert {"photographs/grid.jpg", "photographs/photos.csv", "mypart.step", "README.txt", "truth.txt"} <= names
+    assert len([name for name in names if name.startswith("boards/")]) == len(examples.POSES)
+    listed = (written.path / "photographs" / "photos.csv").read_text().splitlines()[1:]
+    assert len(listed) == 10 and all(f"photographs/{line.split(',')[0]}" in names for line in listed)
