@@ -87,7 +87,7 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
 
 def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     """`find_zero` of an edge that has been traced already."""
-    errors = setup.error(traced.px, traced.error_px, traced.normals)
+    errors = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
     seen = ~traced.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
     sides = sides_of(line.place(traced.points[seen]), traced.normals[seen] @ line.normal, errors[seen])
@@ -103,7 +103,7 @@ def outline_of(
         Unmeasurable: What is seen is no outline of an actuator on this surface.
     """
     placed = zero.place(traced.points)
-    error = setup.error(traced.px, traced.error_px, traced.normals)
+    error = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
     error = np.hypot(error, zero.error_at(placed[:, 0]) * np.abs(traced.normals @ zero.normal))
     if np.isfinite(traced.moved):
         # What the grid's own reading leaves uncertain is in the plane's error already; only more than that has moved.

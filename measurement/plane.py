@@ -8,15 +8,21 @@ only); the map from pixels to metres is the inverse of what is fitted.
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from measurement.camera import Points, as_points
 
 FEWEST = 4
 """Points that fix a homography; a fifth is the first that can contradict it."""
+
+
+FEWEST_NEIGHBOURS = 12
+"""Points from which what neighbours have in common can be told from chance."""
 
 
 class PlaneError(ValueError):
@@ -80,6 +86,19 @@ class Plane:
         homography, spread = _inverted(inverse, covariance, from_metres, from_px)
         missed = _apply(homography, seen) - known
         return cls(homography, spread, float(np.sqrt(np.mean(np.sum(missed**2, axis=1)))), seen, known)
+
+    @functools.cached_property
+    def systematic(self) -> float:
+        """Standard error in m, per axis, of what neighbouring points miss in common: a wrong lens, a screen that is not flat.
+
+        Noise differs from point to point, and many points take it out; this they do not. It is the root of the mean product
+        of what each point misses with what its nearest neighbour misses, 0 where that is negative or the points are few.
+        """
+        if len(self.points) < FEWEST_NEIGHBOURS:
+            return 0.0
+        missed = self.to_metres(self.points) - self.targets
+        nearest = cKDTree(self.targets).query(self.targets, k=2)[1][:, 1]
+        return float(np.sqrt(max(0.0, np.mean(np.sum(missed * missed[nearest], axis=1)) / 2.0)))
 
     def to_metres(self, ideal_px: ArrayLike) -> Points:
         """Points (n, 2) on the screen in m for ideal pixels (n, 2)."""

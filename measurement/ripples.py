@@ -52,7 +52,9 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     """
     step = np.linalg.norm(np.diff(placed, axis=0), axis=1)
     arc, spacing = np.r_[0.0, np.cumsum(step)], float(np.median(step))
-    raised = placed[placed[:, 1] > 0.1 * placed[:, 1].max(), 0]
+    raised = placed[placed[:, 1] >= 0.1 * max(placed[:, 1].max(), 0.0), 0]
+    if not len(raised):
+        return 0, 0.0, 0.0
     far = _odd(min(FAR, FAR_SHARE * float(np.ptp(raised))) / spacing)
     near = max(FEWEST, _odd(min(NEAR / spacing, 0.3 * far)))
     if far < 2 * near:

@@ -27,6 +27,9 @@ SAMPLES = 161
 STATIONS = 12
 """Places along one line between two crossings."""
 
+INKED = 0.95
+"""Share of light through the ink below which a place belongs to a line."""
+
 SEEN_DEPTH = 0.06
 """Least share of the light that a grid line takes away."""
 
@@ -79,6 +82,12 @@ class GridLook:
             rest2 += float(np.mean(np.minimum(rest, 5.0 * scatter) ** 2))
         return np.sqrt(moved2), np.sqrt(rest2)
 
+    @property
+    def line_reach(self) -> float:
+        """Half length in pitches of the shortest profile across a line that still shows the bare screen on both sides."""
+        inked = self.distance[(self.ink < INKED).any(axis=0)]
+        return float(np.clip(2.2 * inked.max(initial=0.0) / self.pitch, 0.3 * REACH, REACH))
+
     def transmission(self, places: Array) -> Array:
         """Share of light that the ink lets through at places (..., 2) in m on the screen."""
         cover = []
@@ -99,6 +108,7 @@ def look_at_grid(
     roi: tuple[int, int, int, int],
     is_lit: npt.NDArray[np.bool_],
     light: npt.NDArray[np.float32] = LIGHT,
+    reach: float = REACH,
 ) -> GridLook:
     """Look at the grid lines where they should be.
 
@@ -109,6 +119,7 @@ def look_at_grid(
         roi: Region x0, y0, x1, y1 in px to look at.
         is_lit: Where the screen is lit, on the region made smaller.
         light: Light of every stored number.
+        reach: Half length of a profile across a line, in pitches.
     """
     x0, y0, x1, y1 = roi
     columns, rows = np.meshgrid(np.linspace(x0, x1 - 1, 33), np.linspace(y0, y1 - 1, 33))
@@ -116,8 +127,8 @@ def look_at_grid(
     places = places[np.isfinite(places).all(axis=1)]
     low, high = places.min(axis=0) / pitch, places.max(axis=0) / pitch
     along = (np.arange(STATIONS) + 0.5) / STATIONS
-    along = along[np.abs(along - 0.5) < 0.5 - 0.6 * REACH]
-    across = np.linspace(-REACH * pitch, REACH * pitch, SAMPLES)
+    along = along[np.abs(along - 0.5) < 0.5 - 0.6 * reach]
+    across = np.linspace(-reach * pitch, reach * pitch, SAMPLES)
     expected, seen, inks = 0, [], []
     offsets: tuple[dict[int, float], dict[int, float]] = ({}, {})
     for axis in (0, 1):

@@ -114,6 +114,7 @@ class Setup:
         pixel = (sigma**2 + self.camera.error(raw) ** 2)[:, None, None]
         spread = pixel * (slope @ np.swapaxes(slope, 1, 2))
         spread += self.plane.covariances(self.camera.undistort(raw)) / self.magnification**2
+        spread += (self.plane.systematic / self.magnification) ** 2 * np.eye(2)
         if about is None:
             about = np.zeros(2) if self.zero is None else self.zero.mean(axis=0)
         arm = (self.to_metres(raw) - np.asarray(about, dtype=float)) * (self.magnification_error / self.magnification)

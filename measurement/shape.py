@@ -187,7 +187,9 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     """
     step = np.linalg.norm(np.diff(placed, axis=0), axis=1)
     arc = np.r_[0.0, np.cumsum(step)]
-    raised = placed[placed[:, 1] > 0.1 * placed[:, 1].max(), 0]
+    raised = placed[placed[:, 1] >= 0.1 * max(placed[:, 1].max(), 0.0), 0]
+    if not len(raised):
+        return 0, 0.0
     window = max(min(WINDOW, WINDOW_SHARE * float(np.ptp(raised))), FEWEST_STATIONS * float(np.median(step)))
     turn = _turns(placed, arc, window)
     known = np.isfinite(turn)

@@ -132,7 +132,7 @@ def screen_bulge(target: Target, rng: np.random.Generator) -> Change:
     """The screen bulges or slides near the apex: what is printed and thrown on it is seen elsewhere."""
     where, size = target.spot(rng, 0.8), rng.uniform(90e-6, 220e-6) / target.scene["pixel_size"]
     # What is much smaller than the grid's cells lies between its lines, and nothing shows it.
-    reach = rng.uniform(0.35, 0.8) * target.scene["grid_pitch"]
+    reach = rng.uniform(0.45, 0.9) * target.scene["grid_pitch"]
     middle, angle = target.surface[where] + rng.normal(0.0, 0.7e-3, 2), rng.uniform(0.0, 2.0 * np.pi)
     way, radial = size * np.array([np.cos(angle), np.sin(angle)]), rng.random() < 0.4
 

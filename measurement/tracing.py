@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from measurement.bridging import smoothed
 from measurement.edge import Edge, Transmission, coarse_contour, refine_edge
+from measurement.flatness import flatness, pieces_of
 from measurement.pixels import TONES, Pixels, Unmeasurable, read_photograph, sample_light
 from measurement.screen import GridLook, look_at_grid
 from measurement.setup import Setup
@@ -75,6 +76,7 @@ class Traced:
         error_px: Standard error of the smoothed edge in px, shape (n,).
         points: The smoothed edge in m, shape (n, 2).
         normals: Unit vectors across it on the screen, from shadow to light, shape (n, 2).
+        screen_error: Standard error of the points by the screen's own shape in m, shape (n,).
         bridged: Which points lie in a gap of the edge, where nothing was measured, shape (n,).
         rim: Places in m where the shadow meets the frame or the region of interest, shape (m, 2).
         moved: Movement in m of the screen's picture since the setup; NaN where there is no grid.
@@ -90,6 +92,7 @@ class Traced:
     error_px: Array
     points: Array
     normals: Array
+    screen_error: Array
     bridged: npt.NDArray[np.bool_]
     rim: Array
     moved: float
@@ -184,7 +187,13 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
     if typical > NOISIEST:
         raise Unmeasurable(f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um")
     rim = _rim(coarse.mask, roi, setup)
-    return Traced(edge, px, error_px, points, normals, line.bridged, rim, moved, scale, coarse, roi, tone, doubts)
+    screen_error = np.zeros(len(points))
+    if look is not None:
+        screen_error, doubt = _flatness(image, setup, look, coarse, lit, points, light)
+        doubts += () if doubt is None else (doubt,)
+    return Traced(
+        edge, px, error_px, points, normals, screen_error, line.bridged, rim, moved, scale, coarse, roi, tone, doubts
+    )
 
 
 def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
@@ -223,6 +232,18 @@ def _check_grid(look: GridLook, setup: Setup, scale: float) -> float:
             "see them, the screen has bent, or this is another setup"
         )
     return moved
+
+
+def _flatness(
+    image: Pixels, setup: Setup, look: GridLook, coarse: CoarseShadow, lit: npt.NDArray[np.bool_], points: Array,
+    light: npt.NDArray[np.float32],
+) -> tuple[Array, str | None]:  # fmt: skip
+    """`flatness` by the lines beside the shadow and, where some light reaches it, in the shadow."""
+    roi = _region(image, setup)
+    dark = cv2.erode(coarse.mask.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    looks = [look_at_grid(image, setup, look.pitch, roi, part, light, look.line_reach) for part in (lit, dark)]
+    error, doubt = flatness(pieces_of(looks), points * setup.magnification)
+    return error / setup.magnification, doubt
 
 
 def _ink(look: GridLook | None, setup: Setup, roi: tuple[int, int, int, int]) -> Transmission | None:

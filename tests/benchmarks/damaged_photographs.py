@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import argparse
 import collections
+import contextlib
 import os
 import time
+from collections.abc import Iterator
 
 import cv2
 
@@ -38,28 +40,30 @@ def main() -> int:
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     verdicts: list[Verdict] = []
     started, number = time.monotonic(), asked.seed
-    while sum(verdict.kind != "none" for verdict in verdicts) < asked.count:
-        verdicts += bench(number, asked.kind.split(","), asked.tries, asked.list)
-        number += 1
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C ends it with what it has
+        while sum(verdict.kind != "none" for verdict in verdicts) < asked.count:
+            for verdict in bench(number, asked.kind.split(","), asked.tries):
+                verdicts.append(verdict)
+                if asked.list or verdict.outcome == "wrong" or (verdict.kind == "none" and verdict.outcome != "right"):
+                    print(described(verdict), flush=True)
+            number += 1
     table(verdicts)
     print(f"{number - asked.seed} benches in {time.monotonic() - started:.0f} s")
     return int(any(verdict.outcome == "wrong" for verdict in verdicts))
 
 
-def bench(number: int, kinds: list[str], tries: int, every: bool) -> list[Verdict]:
+def bench(number: int, kinds: list[str], tries: int) -> Iterator[Verdict]:
     """All damages on one bench."""
     run = Run(Bench.random(number))
-    found = list(run.good_ones())
+    yield from run.good_ones()
     for kind in kinds:
         for seed in range(tries):
-            found += run.damaged(kind, seed)
-    for one in found:
-        if every or one.outcome == "wrong" or (one.kind == "none" and one.outcome != "right"):
-            print(
-                f"bench {one.seed}  {one.kind} ({one.what})  {one.height * 1e3:.2f} mm  {one.outcome}: {one.why}",
-                flush=True,
-            )
-    return found
+            yield from run.damaged(kind, seed)
+
+
+def described(one: Verdict) -> str:
+    """A verdict in a line."""
+    return f"bench {one.seed}  {one.kind} ({one.what})  {one.height * 1e3:.2f} mm  {one.outcome}: {one.why}"
 
 
 def table(verdicts: list[Verdict]) -> None:

@@ -20,7 +20,9 @@ def test_good_photographs_of_the_benches_are_right_and_trusted(runs):
         assert [one.outcome for one in verdicts] == ["right"] * len(verdicts), verdicts
 
 
-@pytest.mark.parametrize("kind", ["glint", "water drop on the lens", "fibre along", "dent"])
+@pytest.mark.parametrize(
+    "kind", ["glint", "water drop on the lens", "fibre along", "dent", "screen bulging", "heat shimmer"]
+)
 def test_what_is_wrong_is_not_trusted(runs, kind):
     verdicts = [one for run in runs for one in run.damaged(kind, 0)]
     assert len(verdicts) == 2

@@ -87,3 +87,16 @@ def test_focal_length_does_not_matter():
     first, second = Camera.ideal(2400, 1600), Camera.ideal(2400, 1600, 9000.0)
     a, b = (Plane.fit(camera.undistort(SEEN), NODES).to_metres(camera.undistort(PLACES)) for camera in (first, second))
     assert np.array_equal(a, b)
+
+
+def test_what_neighbours_miss_in_common_is_no_noise():
+    rng = np.random.default_rng(3)
+    x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
+    targets = np.column_stack([x.ravel(), y.ravel()]) * 5e-3
+    px = targets * 2e4 + 300.0
+    noisy = Plane.fit(px + rng.normal(0.0, 0.2, px.shape), targets)
+    assert noisy.systematic < 0.3 * noisy.residual
+    offset = px - px.mean(axis=0)
+    bent = px + 0.3 * offset * (np.linalg.norm(offset, axis=1, keepdims=True) / 300.0) ** 2
+    wrong = Plane.fit(bent, targets)
+    assert wrong.systematic > 0.4 * wrong.residual
