@@ -2,7 +2,7 @@
 
 A fibre that lies along the top, a grain, a drop on the lens or a bulge of the screen lift a part of the edge by some tens of
 micrometres: too little for a corner, and each point of it is as clear as the others. But an inflated membrane is smooth over
-millimetres. So the edge averaged over half a millimetre must lie where a cubic through a few millimetres of it lies.
+millimetres. So the edge averaged over half a millimetre must lie where a polynomial through a few millimetres of it lies.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from measurement.shape import ON_SURFACE
 
 Array = npt.NDArray[np.float64]
 
-NEAR, FAR = 0.5e-3, 3.2e-3
-"""Lengths in m of edge that are averaged, and over which a membrane is a cubic."""
+NEAR, FAR = 0.5e-3, 4e-3
+"""Lengths in m of edge that are averaged, and over which a membrane is a polynomial of the fifth degree, to a micrometre."""
 
-FAR_SHARE = 0.16
+FAR_SHARE = 0.22
 """The latter as a share of the bulge's width, if that is less."""
 
-LEAST, NOISES = 12e-6, 8.0
+LEAST, NOISES = 15e-6, 8.0
 """Distance in m between the two, and the same in its own scatter, from which something else than a membrane is seen."""
 
 FEWEST = 7
@@ -63,7 +63,7 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     line = np.column_stack([np.interp(at, arc, placed[:, axis]) for axis in (0, 1)])
     if len(at) < 2 * far:
         return 0, 0.0, 0.0
-    smooth = savgol_filter(line, far, 3, axis=0)
+    smooth = savgol_filter(line, far, 5, axis=0)
     along = np.gradient(smooth, axis=0)
     across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
     off = np.einsum("ni,ni->n", savgol_filter(line, near, 2, axis=0) - smooth, across)
