@@ -17,6 +17,7 @@ from softmodels import gauges as gauge_tables
 from softmodels import material_table, supply_table
 from softmodels import program as programs
 from softmodels.gauges import GaugeError, Gauges
+from softmodels.law_stability import check_rest
 from softmodels.materials import Material, MaterialError
 from softmodels.obstacle import STIFFNESS, Obstacle, ObstacleError
 from softmodels.program import Program, ProgramError
@@ -137,6 +138,10 @@ class Case:
         if not 100.0 <= self.water_density <= 20000.0:
             raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
         self._check_sizes()
+        try:
+            check_rest(self.material)
+        except MaterialError as error:
+            raise CaseError(str(error)) from None
 
     def _check_program(self) -> None:
         count = len(self.actuator.ratios)

@@ -16,6 +16,7 @@ from geometries.apart import interpreter
 from measurement.own_folder import OwnFolderError
 from softmodels.case import Case
 from softmodels.glossary import split, term
+from softmodels.lost_path import advice
 from softmodels.notes import notes_of
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.program import step_text
@@ -25,17 +26,16 @@ from softmodels.silicones import stretch_at_break
 from softmodels.stability_report import events, stability_text
 
 
-def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
-    """Why the path ended, where, and what can be done about it."""
+def explain(case: Case, end: Any, fields: Any, path: Any, petsc: bool = False) -> str:
+    """Why the path ended, where, and what can be done about it; ``petsc`` is whether PETSc had options of its own."""
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
     if end.limit is None:
         return (
             f"{asked} was not reached: {end}. The last state is at {last.pressure / case.cm:.4g} cm "
             f"({last.pressure:.4g} Pa), {device.gauge} rise {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
-            f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. If the curve was flattening, use "
-            "--control auto or arc-length, which pass limit points; otherwise refine the mesh (--cell-size), or look at the "
-            "last state for cells that fold"
+            f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. "
+            + advice(case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc)
         )
     at = fields.figures(end.limit.state)
     if path.supply is not None:
@@ -55,7 +55,7 @@ def explain(case: Case, end: Any, fields: Any, path: Any) -> str:
     )
 
 
-def explain_step(case: Case, end: Any, rows: Sequence[Mapping[str, Any]], come: float) -> str:
+def explain_step(case: Case, end: Any, rows: Sequence[Mapping[str, Any]], come: float, petsc: bool = False) -> str:
     """The same of a program's step."""
     number = math.floor(come) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
@@ -71,7 +71,7 @@ def explain_step(case: Case, end: Any, rows: Sequence[Mapping[str, Any]], come: 
     if end.limit is None:
         return (
             f"{asked} was not reached: {end}. The last state has {place}, and {moved}. Steps down to a thousandth of the first "
-            "were tried; refine the mesh (cell_size), or look at the last state for cells that fold"
+            f"were tried. {advice(case, at, petsc)}"
         )
     return (
         f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it a "

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from geometries.actuator import Vector
 from softmodels.contact import Walls
 from softmodels.discrete import State
-from softmodels.equilibrium import Equilibrium
+from softmodels.equilibrium import Equilibrium, Tangent
 from softmodels.followed import Followed, followed_points
 from softmodels.gauges import NONE, Gauges, followed_text
 from softmodels.grid import Grid, displacement_maps
@@ -87,6 +87,10 @@ def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]
 def _place(start: Vector, shift: npt.NDArray[np.float64]) -> Vector:
     x, y, z = np.asarray(start) + shift
     return float(x), float(y), float(z)
+
+
+RATES = ("rate_of_displacement", "rate_of_p")
+"""Names of a path's direction among a step's fields, which a restart needs; without units."""
 
 
 class Fields:
@@ -308,6 +312,29 @@ class Fields:
         }
         whole = {name: self.grid.collect(values) for name, values in fields.items()}
         return None if any(values is None for values in whole.values()) else whole  # type: ignore[return-value]
+
+    def rate(self, tangent: Tangent) -> dict[str, npt.NDArray[np.float64]] | None:
+        """A path's direction over the grid's nodes, as `tangent` reads it back; on rank 0, None elsewhere."""
+        direction = State(tangent.w, 0.0, 0.0)
+        u = self.grid.collect(self._displacement(direction))
+        p = self.grid.collect(self._vertex_values(direction.w))
+        return None if u is None or p is None else {RATES[0]: u, RATES[1]: p}
+
+    def tangent(self, nodal: dict[str, npt.NDArray[np.float64]] | None, P: float, V: float) -> Tangent:
+        """The direction that `rate` was made of, with its changes of P and V."""
+        renamed = (
+            None
+            if nodal is None
+            else {"displacement": nodal[RATES[0]], "p": nodal[RATES[1]] * self.equilibrium.stress_unit}
+        )
+        return Tangent(self.state(renamed, 0.0, 0.0).w, P, V)
+
+    def _vertex_values(self, w: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The unknown p at owned nodes that have one, 0 elsewhere."""
+        if self.pressures is None:
+            return np.zeros(self.grid.owned)
+        dofs = self.pressures[: self.grid.owned]
+        return np.where(dofs >= 0, w[dofs], 0.0)
 
     def _pressure(self, state: State, J: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Dimensionless p at owned nodes: the unknown, linear between its vertices; bulk (J - 1) without one."""

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.homogeneous import balloon_limit
-from softmodels.materials import Gent, Material
+from softmodels.materials import Gent, Material, MaterialError
 from softmodels.specimens import MODE_NAMES, log_strain_stiffness
 
 Array = npt.NDArray[np.float64]
@@ -21,6 +21,8 @@ Array = npt.NDArray[np.float64]
 FURTHEST = 10.0
 """Stretch, and its inverse, to which a law is looked at."""
 POINTS = 600
+REST = 0.01
+"""Stretch beside 1 within which a law that loses its stability has never had any."""
 _WORDS = {"uniaxial": "uniaxial", "planar": "planar", "equibiaxial": "equibiaxial"}
 
 
@@ -53,10 +55,54 @@ def instabilities(material: Material, furthest: float = FURTHEST) -> tuple[Insta
     found = []
     for mode in MODE_NAMES:
         for way in (1.0, -1.0):
-            first = _first(material, mode, np.exp(way * np.linspace(1e-3, math.log(furthest), POINTS)))
+            first = _first(
+                material, mode, np.exp(way * np.linspace(min(1e-3, math.log(furthest) / 2), math.log(furthest), POINTS))
+            )
             if first:
                 found.append(first)
     return tuple(sorted(found, key=lambda one: one.strain))
+
+
+def weakest(material: Material) -> Instability | None:
+    """The instability that the least stretch leads to, in tension along any mode; None up to `FURTHEST`."""
+    return min((one for one in instabilities(material) if one.stretch > 1), key=lambda one: one.stretch, default=None)
+
+
+def weakness(material: Material) -> str:
+    """Where a law stops being stable when pulled, as a clause that names it; empty if it does not up to `FURTHEST`."""
+    found = {one.mode: one.stretch for one in instabilities(material) if one.stretch > 1}
+    if not found:
+        return ""
+    places = ", ".join(f"{found[mode]:.3g} ({_WORDS[mode]})" for mode in MODE_NAMES if mode in found)
+    return f"the law {described(material)} loses its stability (Drucker's check) in tension at stretch {places}"
+
+
+def described(material: Material) -> str:
+    """A law with its parameters: ``yeoh (c1 = 10 kPa, c2 = -0.1 kPa)``."""
+    parts = []
+    for field in dataclasses.fields(material):
+        if field.name == "poisson":
+            continue
+        value = getattr(material, field.name)
+        several = isinstance(value, tuple)
+        for i, number in enumerate(value if several else (value,), 1):
+            name = f"{field.name}{i}" if several else field.name
+            unit = field.metadata["unit"]
+            parts.append(f"{name} = {number / 1e3:.4g} kPa" if unit == "Pa" else f"{name} = {number:.4g}")
+    return f"{material.name} ({', '.join(parts)})"
+
+
+def check_rest(material: Material) -> None:
+    """Refuse a law that is unstable as soon as it is stretched.
+
+    Raises:
+        MaterialError: It is not stable (Drucker) within `REST` of its state of rest.
+    """
+    if weak := instabilities(material, furthest=1 + REST):
+        raise MaterialError(
+            f"the law {described(material)} is unstable already at rest (Drucker's check: {weak[0]}); check the signs and the "
+            "units of its parameters, or fit another law"
+        )
 
 
 def _first(material: Material, mode: str, stretches: Array) -> Instability | None:

@@ -25,8 +25,10 @@ from softmodels.body import BodyError
 from softmodels.case import Case, CaseError
 from softmodels.commandline import fail
 from softmodels.compiling import CompilingError
+from softmodels.law_stability import check_rest, weakest, weakness
 from softmodels.limit_band import band_texts, with_ends
 from softmodels.limits import LARGEST_STRETCH, Limit, Tolerance, find_limit, samples, scatter
+from softmodels.lost_path import NEAR
 from softmodels.material_table import material_from, material_names, material_options
 from softmodels.materials import Material, MaterialError
 from softmodels.obstacle import ObstacleError
@@ -59,6 +61,8 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
     try:
         case = None if file is None else Case.from_file(file)
         device, materials = _asked(case, file, material, values)
+        for made in materials.values():
+            check_rest(made)
         tolerances = [Tolerance.parse(text, type(device)) for text in vary]
         if working_cm is not None and not working_cm > 0:
             raise CaseError(f"--working-cm {working_cm:g}: the working pressure must be above zero")
@@ -99,6 +103,13 @@ def limit(file: Path | None, working_cm: float | None, vary: tuple[str, ...], co
         click.echo(_sentence(row, found, device))
     for text in band_texts(bands, dict(zip(materials, limits, strict=True)), cm):
         click.echo(text)
+    for made, found in zip(materials.values(), limits, strict=True):
+        weak = weakest(made)
+        if weak is not None and found.stretch >= NEAR * weak.stretch:
+            click.echo(
+                f"note: {weakness(made)}, and the state found has stretch {found.stretch:.3g}: what gives way there may be the "
+                "law and not the device; take one that is stable over these stretches (softmodels curve shows them)"
+            )
     if hidden := unseen(device):
         click.echo(f"note: {hidden}")
     if len(device.ratios) > 1:

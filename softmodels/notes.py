@@ -38,9 +38,10 @@ def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
 def law_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """A sentence where a run stretches its silicone beyond what its law bears by Drucker's check; none if it does not."""
     most = max((float(row.get("max_stretch", 1.0)) for row in rows), default=1.0)
-    # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier.
+    # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier. In the
+    # other modes of tension the stretch itself tells, for a membrane is pulled in both directions.
     strain = most**2 + 2 / most - 3
-    weak = [str(one) for one in instabilities(case.material) if one.strain <= strain]
+    weak = [str(one) for one in instabilities(case.material) if one.strain <= strain or 1 < one.stretch <= most]
     if not weak:
         return []
     return [

@@ -26,6 +26,8 @@ from softmodels.closing import close, explain, explain_step, gather
 from softmodels.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.gauges import GaugeError
 from softmodels.identity import digest
+from softmodels.law_stability import weakness
+from softmodels.lost_path import advice
 from softmodels.materials import MaterialError
 from softmodels.notes import notes_of
 from softmodels.obstacle import ObstacleError
@@ -197,6 +199,8 @@ def _follow(
         progress.say(text)
     progress.say(f"{cells} cells, {dofs} unknowns, {comm.size} rank{'s' if comm.size > 1 else ''}")
 
+    if weak := weakness(case.material):
+        progress.say(f"warning: {weak}; states stretched further are not the silicone's")
     if case.program:
         return _follow_program(case, results, fields, comm, progress, stopped, resumed)
     scale = equilibrium.stress_unit if case.pressures_cm else equilibrium.volume_unit
@@ -225,9 +229,9 @@ def _follow(
             bifurcations += [point] if point.bifurcation else []
             _stop_if_asked(comm, stopped)
     except PathEnd as end:
-        lost = RunError(explain(case, end, fields, path), NO_EQUILIBRIUM if end.limit else FAILED)
+        lost = RunError(explain(case, end, fields, path, _own_words()), NO_EQUILIBRIUM if end.limit else FAILED)
     except NoConvergence as failure:
-        raise _lost(failure) from failure
+        raise _lost(case, results, comm, failure) from failure
     if branch:
         _follow_branch(case, results, fields, comm, progress, stopped, path, bifurcations)
     if lost is not None:
@@ -235,11 +239,20 @@ def _follow(
     return ""
 
 
-def _lost(failure: Exception) -> RunError:
+def _own_words() -> bool:
+    """Whether PETSc was given options beside those of this program."""
+    from petsc4py import PETSc
+
+    return bool(PETSc.Options().getAll())
+
+
+def _lost(case: Case, results: Results, comm: Any, failure: Exception) -> RunError:
     """At the first state or a limit point, where there is no step to shorten."""
+    row = on_root(comm, lambda: results.rows[-1] if results.rows else None)
+    words = "leave out PETSc's options (what follows --), " if _own_words() else ""
+    told = f"{words}refine the mesh (--cell-size), or use another --control"
     return RunError(
-        f"the path could not be followed ({failure}); leave out PETSc's options if there are any, refine the mesh "
-        "(--cell-size), or use another --control"
+        f"the path could not be followed ({failure})" + (f"; {told}" if row is None else f". {advice(case, row)}")
     )
 
 
@@ -264,9 +277,11 @@ def _follow_program(
             _stop_if_asked(comm, stopped)
     except PathEnd as end:
         rows = on_root(comm, lambda: results.rows)
-        raise RunError(explain_step(case, end, rows, come), NO_EQUILIBRIUM if end.limit else FAILED) from end
+        raise RunError(
+            explain_step(case, end, rows, come, _own_words()), NO_EQUILIBRIUM if end.limit else FAILED
+        ) from end
     except NoConvergence as failure:
-        raise _lost(failure) from failure
+        raise _lost(case, results, comm, failure) from failure
     return ""
 
 
@@ -314,10 +329,14 @@ def _keep(
     case: Case, results: Results, fields: Any, comm: Any, progress: Progress, point: Any, come: float = 0.0
 ) -> None:
     """Write one point of the path; ``come`` is how many steps a program has come."""
-    figures, nodal = fields.figures(point.state), fields.nodal(point.state)
+    figures = fields.figures(point.state)
+    nodal: Any = fields.nodal(point.state)  # on rank 0 alone
     if point.bifurcation:
         mode = fields.shape(point.mode)
         nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
+    else:
+        rate = fields.rate(point.tangent)
+        nodal = None if nodal is None or rate is None else {**nodal, **rate}
 
     def write() -> None:
         row = row_of(case, fields, point, figures, nodal, len(results.stored), come)
