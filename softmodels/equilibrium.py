@@ -58,6 +58,7 @@ class Equilibrium(Discrete):
     Attributes:
         base: The state at which the kept factorisation was made; None if there is none, or it was made at an iterate.
         age: Iterations of the linear solver since.
+        worn: Whether the last solve took so many of them that the factorisation is replaced at the next one.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Equilibrium(Discrete):
     ):
         super().__init__(body, material, formulation, sheet, obstacle)
         self.base: State | None = None
+        self.worn = False
         self.system = Bordered(self.K, self._multiply)
         self.snes: Any = None
         self.anchor: Any = None
@@ -151,10 +153,10 @@ class Equilibrium(Discrete):
 
     def _jacobian(self, snes: Any, x: Any, J: Any, P: Any) -> None:
         self._take(x)
-        if self.system.factorisations == 0 or self.snes.getKSP().getIterationNumber() > WORN:
+        if self.system.factorisations == 0 or self.worn:
             self._assemble_tangent()
             self.system.factorise()
-            self.age, self.base = 0, None
+            self.age, self.base, self.worn = 0, None, False
         else:
             self.system.refresh()
         J.assemble()
@@ -162,7 +164,7 @@ class Equilibrium(Discrete):
     def _make_solver(self) -> None:
         from petsc4py import PETSc
 
-        self.age, self.base = 0, None
+        self.age, self.base, self.worn = 0, None, False
         self._first = self._before = math.inf
         self._x, self._f, self._y = self.system.vector(), self.system.vector(), self.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(self.comm)
@@ -188,7 +190,7 @@ class Equilibrium(Discrete):
 
     def _guard(self, x: Any, y: Any) -> bool:
         """Shorten Newton's step y (the next iterate is x - y) until no integration point turns inside out."""
-        self.age += self.snes.getKSP().getIterationNumber()
+        self._count(self.snes.getKSP())
         self._take(x)
         least = 0.1 * self.smallest_J()
         trial, factor = x.duplicate(), 1.0
@@ -249,7 +251,12 @@ class Equilibrium(Discrete):
         self._set_columns()
         self._assemble_tangent()
         self.system.factorise()
-        self.age, self.base = 0, state
+        self.age, self.base, self.worn = 0, state, False
+
+    def _count(self, ksp: Any) -> None:
+        """How much older a linear solve has made the kept factorisation."""
+        self.age += ksp.getIterationNumber()
+        self.worn = ksp.getIterationNumber() > WORN
 
     @property
     def stale(self) -> bool:
@@ -292,7 +299,7 @@ class Equilibrium(Discrete):
         ksp.setOperators(system.mat)
         ksp.setTolerances(rtol=tolerance)
         ksp.solve(rhs, x)
-        self.age += ksp.getIterationNumber()
+        self._count(ksp)
         if ksp.getConvergedReason() <= 0:
             raise NoConvergence("the linear solver failed on the state's linear response")
         body, pressures = system.split(x)

@@ -92,17 +92,32 @@ class Path:
         return self.keep(Point(start, tangent, False, False, step, self.line, True, eq.age, stiffest, signature))
 
     def resume(self, points: Sequence[Point]) -> None:
-        """Go on from the last points of an earlier trace: same predictor, same factorisation, same numbers."""
+        """Go on from points of an earlier trace: same predictor, same factorisation, same modes, so the same numbers.
+
+        Args:
+            points: In order, the last two, those before them at which the kept factorisation was made, and bifurcations.
+        """
         self.begin()
         self.points = []
         for point in points:
+            if point.bifurcation:
+                self.modes.append(Mode(self.stability, point.mode))
+                continue
             if point.factorised:
                 self.equilibrium.factorise(point.state)
                 self.stability.lowest()
-            self.keep(dataclasses.replace(point, tangent=self.tangent(point.state)))
-        self.line, self.equilibrium.age = points[-1].line, points[-1].age
+            known = point.tangent.w.any()
+            again = point if known else dataclasses.replace(point, tangent=self.tangent(point.state))
+            self.points = [*self.points[-1:], again]
+        last, eq = self.points[-1], self.equilibrium
+        self.line, eq.age, eq.worn, self.stability.largest = last.line, last.age, last.worn, last.largest
 
     def keep(self, point: Point) -> Point:
+        """Make a point the path's last one, with what a restart needs to go on as this path does."""
+        eq = self.equilibrium
+        point = dataclasses.replace(
+            point, factorised=eq.base is point.state, age=eq.age, worn=eq.worn, largest=self.stability.largest
+        )
         self.points = [*self.points[-1:], point]
         return point
 

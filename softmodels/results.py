@@ -18,7 +18,7 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -31,6 +31,9 @@ from measurement.own_folder import PATIENCE, OwnFolder, remove_steps
 FORMAT = 1
 """Of the stored steps, in the HDF5 file's attribute ``format``. Raised by a change after which older runs cannot go on."""
 RESTART = "restart"
+"""What of a step is for a restart alone: its attribute, and the beginning of its fields' names."""
+KEPT = 8
+"""Steps at the end of a gathered run that keep those fields: it is gone on with from there."""
 ROW = "row"
 RUN, BRANCH = "run", "branch/"
 """What a folder's record calls a run; the folder inside for a branch that leaves its path."""
@@ -246,6 +249,14 @@ class Results:
         with h5py.File(self.folder / stored.file) as file:
             return {name: file[f"{stored.group}/{name}"][:] for name in names}
 
+    def has(self, step: int, names: Sequence[str]) -> bool:
+        """Whether a stored step has these fields."""
+        import h5py
+
+        stored = self.stored[step]
+        with h5py.File(self.folder / stored.file) as file:
+            return all(f"{stored.group}/{name}" in file for name in names)
+
     def finish(self) -> None:
         """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere.
 
@@ -270,8 +281,10 @@ class Results:
                     with h5py.File(self.folder / stored.file) as source:
                         group = file.create_group(f"steps/{number:04d}")
                         part = source[stored.group] if stored.group else source
+                        kept = number >= len(self.stored) - KEPT
                         for name in part:
-                            part.copy(name, group)
+                            if kept or not name.startswith(RESTART):
+                                part.copy(name, group)
                         for key, value in part.attrs.items():
                             group.attrs[key] = value
 

@@ -13,7 +13,7 @@ import numpy as np
 from softmodels.case import Case
 from softmodels.identity import difference
 from softmodels.outcomes import BAD_INPUT, RunError
-from softmodels.parallel import is_root, on_root
+from softmodels.parallel import is_root, largest, on_root
 from softmodels.program import Stop, goes_on
 from softmodels.results import Results
 from softmodels.rows import cavity_columns
@@ -90,10 +90,11 @@ def check_values(case: Case, results: Results) -> None:
 def last_stop(case: Case, results: Results, fields: Any, comm: Any) -> Stop:
     """The end of a program's step that the stored states end with."""
     row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
-    nodal = results.fields(len(results.stored) - 1, ("displacement", "p")) if is_root(comm) else None
+    last = on_root(comm, lambda: len(results.stored) - 1)
+    state, _ = stored_state(results, fields, comm, last, record["P"], record["V"])
     unit = fields.equilibrium.stress_unit
     pressures = np.array([row[name] * case.cm / unit for name in cavity_columns(row, "pressure", "cm")])
-    return Stop(round(row["load_step"]), fields.state(nodal, record["P"], record["V"]), pressures)
+    return Stop(round(row["load_step"]), state, pressures)
 
 
 def stopped_at(results: Results, key: str, value: float) -> bool:
@@ -102,24 +103,47 @@ def stopped_at(results: Results, key: str, value: float) -> bool:
 
 
 def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
-    """The points a trace goes on from: the first limit point, the last one factorised at, and the last two."""
+    """The points a trace goes on from: bifurcations, the first limit point, the last one factorised at, and the last two."""
+    records = on_root(comm, lambda: [stored.restart for stored in results.stored])
+    # A bifurcation is interpolated: the path did not go on from it.
+    branching = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if row["bifurcation"]])
+    solved = [i for i in range(len(records)) if i not in branching]
+    factorised = max(i for i in solved if records[i]["factorised"])
+    limits = [i for i, record in enumerate(records) if record["limit"]][:1]
+    turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
+    chosen = sorted({*limits, *turns, factorised, *solved[-2:], *branching})
+    return [_stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
+
+
+def _stored_point(results: Results, fields: Any, comm: Any, step: int, restart: dict[str, Any], branching: bool) -> Any:
+    """The point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
     from softmodels.equilibrium import Tangent
     from softmodels.points import Point
     from softmodels.stability import Signature
 
-    # A bifurcation is interpolated: the path did not go on from it.
-    records = on_root(comm, lambda: [stored.restart for stored in results.stored])
-    solved = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if not row["bifurcation"]])
-    factorised = max(i for i, record in enumerate(records) if record["factorised"])
-    limits = [i for i, record in enumerate(records) if record["limit"]][:1]
-    points = []
-    turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
-    for i in sorted({*limits, *turns, factorised, *solved[-2:]}):
-        record = dict(records[i])
-        record["signature"] = Signature(**record["signature"])
-        nodal = results.fields(i, ("displacement", "p")) if is_root(comm) else None
-        state = dataclasses.replace(
-            fields.state(nodal, record.pop("P"), record.pop("V")), iterations=record.pop("iterations")
-        )
-        points.append(Point(state, Tangent(np.zeros_like(state.w), 0.0, 0.0), **record))
-    return points
+    record = dict(restart)
+    signature, direction = Signature(**record.pop("signature")), record.pop("tangent", (0.0, 0.0))
+    state, rate = stored_state(results, fields, comm, step, record.pop("P"), record.pop("V"))
+    state = dataclasses.replace(state, iterations=record.pop("iterations"))
+    mode = None
+    if branching:
+        nodal = results.fields(step, ("mode",)) if is_root(comm) else None
+        shape = None if nodal is None else {"displacement": nodal["mode"], "p": np.zeros(len(nodal["mode"]))}
+        mode = fields.state(shape, 0.0, 0.0).w
+        mode /= largest(comm, float(np.abs(mode).max()))
+    return Point(state, Tangent(rate, *direction), signature=signature, mode=mode, **record)
+
+
+def stored_state(results: Results, fields: Any, comm: Any, step: int, P: float, V: float) -> tuple[Any, Any]:
+    """A stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
+    from softmodels.discrete import State
+    from softmodels.fields import RAW
+
+    names = [name for pair in RAW for name in pair]
+    if on_root(comm, lambda: results.has(step, names)):
+        raw: Any = results.fields(step, tuple(names)) if is_root(comm) else dict.fromkeys(names)
+        w, rate = (fields.dofs(raw[u], raw[p]) for u, p in RAW)
+        return State(w, P, V), rate
+    nodal = results.fields(step, ("displacement", "p")) if is_root(comm) else None
+    state = fields.state(nodal, P, V)
+    return state, np.zeros_like(state.w)

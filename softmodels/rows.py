@@ -18,6 +18,7 @@ def restart_of(point: Any) -> dict[str, Any]:
         "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
         "turn": point.turn, "step": point.step,
         "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
+        "worn": point.worn, "largest": point.largest, "tangent": [point.tangent.P, point.tangent.V],
         "iterations": point.state.iterations, "signature": dataclasses.asdict(point.signature),
     }  # fmt: skip
 

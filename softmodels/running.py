@@ -335,8 +335,8 @@ def _keep(
         mode = fields.shape(point.mode)
         nodal = None if nodal is None else {**nodal, "mode": mode / np.abs(mode).max()}
     else:
-        rate = fields.rate(point.tangent)
-        nodal = None if nodal is None or rate is None else {**nodal, **rate}
+        raw = fields.raw(point.state, point.tangent)
+        nodal = None if nodal is None or raw is None else {**nodal, **raw}
 
     def write() -> None:
         row = row_of(case, fields, point, figures, nodal, len(results.stored), come)
