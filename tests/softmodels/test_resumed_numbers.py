@@ -34,9 +34,7 @@ def table(folder):
 
 def cut_off(whole, folder, count):
     """A copy of a run as it was after so many states."""
-    folder.mkdir()
-    for name in ("case.toml", f"{whole.name}.msh"):
-        shutil.copy(whole.folder / name, folder / name)
+    shutil.copytree(whole.folder, folder)
     part = Results(folder, whole.name, whole.gauge)
     with h5py.File(whole.heavy) as file:
         part.begin(file["mesh/points"][:], file["mesh/cells"][:], str(file["mesh"].attrs["cell_name"]))
