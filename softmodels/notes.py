@@ -18,6 +18,8 @@ DEEPEST = 0.01
 """Depth of a contact in sizes of the device above which the user is warned."""
 NEAR = 1e-3
 """Distance in sizes of the device from which a point's place on the surface is told."""
+LOCAL = 0.1
+"""Share of that depth below which the force, spread over the device, would sink in: then it is an edge that has sunk."""
 VOLUME_CHANGE = 0.05
 """Change of the silicone's volume (J at a vertex less 1) above which the user is warned."""
 
@@ -107,6 +109,16 @@ def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     deepest = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0)
     if case.obstacle is None or deepest <= DEEPEST * case.actuator.size * 1e3:
         return []
+    size, plane = case.actuator.size, case.obstacle
+    force = max((abs(row.get("contact_force_N", 0.0)) for row in rows), default=0.0)
+    # The depth that this force has when it is spread over the device; an edge that curls into the plane carries little of it.
+    spread = force / (plane.stiffness * case.material.shear_modulus_0 * size**2)
+    if spread < LOCAL * DEEPEST:
+        return [
+            f"an edge of the faces has sunk {deepest:.3g} mm into the contact's plane, under a force of {force:.3g} N in all: "
+            "spread over the faces it would be far less, so a larger --contact-stiffness changes little but there; look at "
+            "that edge (smaller cells, --cell-size), and take its place with care"
+        ]
     return [
         f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
         f"larger --contact-stiffness than {case.obstacle.stiffness:g}"

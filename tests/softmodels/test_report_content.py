@@ -116,3 +116,22 @@ def test_the_page_fits_a_phone_and_paper(pressed):
         assert re.search(rule, style), rule
     # No table and no text of fixed width stands outside of what scrolls by itself.
     assert all(text[: found.start()].endswith('<div class="wide">') for found in re.finditer(r"<table", text))
+
+
+def test_a_curled_edge_is_not_called_a_soft_contact():
+    """A stiffer contact is advised where faces sink in as a whole, not where an edge does under next to no force."""
+    import dataclasses
+
+    from geometries import HollowDisk
+    from softmodels.case import Case
+    from softmodels.material_table import DEFAULT
+    from softmodels.notes import depth_notes
+    from softmodels.obstacle import Obstacle
+
+    case = Case("disk", HollowDisk(), DEFAULT, (10.0,), obstacle=Obstacle("top", "z = 20 mm"))
+    row = {"contact_depth_mm": 0.3}
+    (edge,) = depth_notes(case, [{**row, "contact_force_N": 0.05}])
+    (face,) = depth_notes(case, [{**row, "contact_force_N": 12.0}])
+    assert "an edge" in edge and "take a larger" not in edge
+    assert "take a larger --contact-stiffness than 300" in face
+    assert depth_notes(dataclasses.replace(case, obstacle=None), [row]) == []
