@@ -101,7 +101,13 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
 @click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
               help="Inner corners of the chessboard or ChArUco board in a row and in a column.")  # fmt: skip
 @click.option("--dictionary", default="DICT_4X4_50", show_default=True, help="OpenCV's name of the ChArUco markers.")
-@click.option("--marker-share", default=0.75, show_default=True, help="Side of a ChArUco marker over that of a square.")
+@click.option(
+    "--marker-share",
+    default="0.75",
+    show_default=True,
+    metavar="NUMBER",
+    help="Side of a ChArUco marker over that of a square.",
+)
 @click.option("--point", "points", multiple=True, metavar="x,y=X,Z",
               help="In place of the grid: a known point, pixel and place (100,200=9mm,18mm); four or more.")  # fmt: skip
 @click.option("--scale", metavar="N px/m",
@@ -236,7 +242,7 @@ def _plane(
             grid = find_chessboard(picture, (columns, rows), camera)
         else:
             squares = (columns + 1, rows + 1)
-            grid = find_charuco(picture, squares, given["marker_share"], given["dictionary"], camera)
+            grid = find_charuco(picture, squares, number(given["marker_share"]), given["dictionary"], camera)
         grid = counted_from(grid, camera, pitch, origin)
     return grid.plane(camera), grid
 

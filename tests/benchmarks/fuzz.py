@@ -1,9 +1,9 @@
 """Random inputs to every command: each has to end in a result or in a sentence with the right status.
 
 Five kinds: options, case files, material files, lists of photographs, setups (`fuzz_inputs`). A command is right if it ends
-with status 0, 1, 2 or 3, without a traceback, with a sentence where the status is not 0, within 20 s, and if it leaves all
-files as they were but for those in the folder it was given. Valid sections are solved, one in three of them; fits, limits
-and solid devices are read and checked, and end there.
+with status 0, 1, 2 or 3, without a traceback, with a sentence where the status is not 0, within 20 s of work, and if it
+leaves all files as they were but for those in the folder it was given. Valid sections are solved, one in three of them;
+fits, limits and solid devices are read and checked, and end there.
 
     uv run python tests/benchmarks/fuzz.py --count 2000 --seed 1
 
@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import cv2
 import numpy as np
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import seed as seeded
@@ -38,7 +39,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 import fuzz_inputs as inputs
 
 LONGEST = 20.0
-"""Seconds after which a command hangs."""
+"""Seconds of its own work after which a command hangs; other programs on the machine do not count."""
+LONGEST_WAIT = 300.0
+"""Seconds by the clock after which the whole campaign is given up, with the place where it hangs."""
 MOST_CELLS, MOST_STEPS, SOLVED = 1500, 12, 3
 """Sections of at most so many cells and values are solved, and of those one in so many."""
 
@@ -74,9 +77,10 @@ class Bench:
     Args:
         folder: An empty folder for the attempts.
         watch: Whether to end what hangs; only in a main thread.
+        measure: Whether the photographs show something that takes its time to be measured; else they are blank.
     """
 
-    def __init__(self, folder: Path, watch: bool = False):
+    def __init__(self, folder: Path, watch: bool = False, measure: bool = True):
         self.folder, self.watch, self.runs, self.number = folder, watch, 0, 0
         from geometries.__main__ import main as geometries
         from measurement.__main__ import main as measurement
@@ -86,11 +90,11 @@ class Bench:
 
         self.programs = {"geometries": geometries, "measurement": measurement, "softmodels": softmodels, "disk": disk,
                          "seminar": seminar}  # fmt: skip
-        self.pictures = {"grid.png": _picture(0), "second.png": _picture(12)}
-        self.setup = self._setup()
+        self.pictures = _pictures(measure)
+        self.setup = self._setup(() if measure else ("--scale", "10px/mm"))
 
-    def _setup(self) -> str:
-        words = ("setup", "grid.png", "--lens", "none", "--scale", "10px/mm", "-o", "out/setup.toml")
+    def _setup(self, more: tuple[str, ...]) -> str:
+        words = ("setup", "grid.jpg", "--lens", "none", *more, "-o", "out/setup.toml")
         done = self.tried("options", inputs.Attempt("measurement", words, self.pictures))
         assert not done.fault and done.status == 0, done
         return (self.folder / "out" / "setup.toml").read_text()
@@ -100,7 +104,7 @@ class Bench:
         if kind == "options":
             rows = "".join(f"{1 + k / 20},{k * 600}\n" for k in range(1, 30))
             files = {"pull.csv": f"stretch,stress (Pa)\n1,0\n{rows}".encode(), "setup.toml": self.setup.encode(),
-                     "photos.csv": b"file,pressure\ngrid.png,0 cm\nsecond.png,5 cm\n", **self.pictures}  # fmt: skip
+                     "photos.csv": b"file,pressure\nrest.jpg,0 cm\nsecond.jpg,10 cm\n", **self.pictures}  # fmt: skip
             commands = {}
             for start in inputs.STARTS:
                 command = self.programs[start[0]]
@@ -193,29 +197,36 @@ class Bench:
         def end(number: int, frame: Any) -> None:
             raise Hang
 
-        before = signal.signal(signal.SIGALRM, end)
+        before = signal.signal(signal.SIGPROF, end)
         faulthandler.dump_traceback_later(
-            3 * LONGEST, exit=True, file=sys.__stderr__
+            LONGEST_WAIT, exit=True, file=sys.__stderr__
         )  # compiled code that hears nothing
-        signal.setitimer(signal.ITIMER_REAL, LONGEST)
+        signal.setitimer(signal.ITIMER_PROF, LONGEST, 1.0)
         try:
             yield
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
             faulthandler.cancel_dump_traceback_later()
-            signal.signal(signal.SIGALRM, before)
+            signal.signal(signal.SIGPROF, before)
 
 
 def _cells(actuator: Any) -> float:
     return float(actuator.expected_cells)
 
 
-def _picture(shade: int) -> bytes:
-    import cv2
+def _pictures(measure: bool) -> dict[str, bytes]:
+    """Small photographs of the bench: its grid, a body at rest, an inflated one."""
+    from measurement.synthetic import Scene, dome, photograph, save
 
-    image = np.full((60, 80, 3), 180, np.uint8)
-    image[40:, 20:60] = 30 + shade
-    return bytes(cv2.imencode(".png", image)[1])
+    if not measure:
+        blank = cv2.imencode(".jpg", np.full((60, 80, 3), 180, np.uint8))[1].tobytes()
+        return {"grid.jpg": blank, "rest.jpg": blank, "second.jpg": blank}
+    scene = Scene(width=700, height=467, focal_px=1400.0, pixel_size=60e-6)
+    shadows = {"grid.jpg": None, "rest.jpg": dome(1e-9, floor=-0.003), "second.jpg": dome(0.005, floor=-0.003)}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, shadow in shadows.items():
+            save(Path(folder) / name, photograph(scene, shadow, seed=1)[0])
+        return {name: (Path(folder) / name).read_bytes() for name in shadows}
 
 
 def _digests(folder: Path) -> dict[str, str]:
@@ -255,13 +266,11 @@ def campaign(
     """Try ``count`` inputs, as many of each kind."""
     found: list[Outcome] = []
     for kind in inputs.KINDS:
-        for outcome in _of_kind(bench, kind, count // len(inputs.KINDS), seed):
-            found.append(outcome)
-            tell(outcome)
+        found += _of_kind(bench, kind, count // len(inputs.KINDS), seed, tell)
     return found
 
 
-def _of_kind(bench: Bench, kind: str, count: int, seed: int) -> list[Outcome]:
+def _of_kind(bench: Bench, kind: str, count: int, seed: int, tell: Callable[[Outcome], Any]) -> list[Outcome]:
     found: list[Outcome] = []
     quiet = settings(max_examples=count, database=None, deadline=None, phases=[Phase.generate],
                      suppress_health_check=list(HealthCheck))  # fmt: skip
@@ -271,6 +280,7 @@ def _of_kind(bench: Bench, kind: str, count: int, seed: int) -> list[Outcome]:
     @given(bench.strategy(kind))
     def every(attempt: inputs.Attempt) -> None:
         found.append(bench.tried(kind, attempt))
+        tell(found[-1])
 
     every()
     return found
@@ -288,7 +298,7 @@ def main() -> None:
             print(f"FAULT {outcome.kind}: {attempt.program} {' '.join(attempt.words)[:300]}", flush=True)
             print(f"  {outcome.fault[-1500:]}\n  {outcome.told}", flush=True)
             for name, content in attempt.files.items():
-                if not name.endswith(".png"):
+                if not name.endswith(".jpg"):
                     print(f"  {name}: {content[:600]!r}", flush=True)
 
     with tempfile.TemporaryDirectory() as folder:

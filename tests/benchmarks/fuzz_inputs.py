@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import tomllib
 from typing import Any
 
 import click
@@ -170,16 +171,20 @@ def materials(draw: Any) -> Attempt:
 @st.composite
 def photos(draw: Any, setup: str, pictures: dict[str, bytes]) -> Attempt:
     mark = draw(st.sampled_from([",", ",", ";", "\t"]))
-    header = draw(
-        st.sampled_from([["file", "pressure"], ["file", "pressure", "error"], ["file", "left", "right"],
-                                   ["File", "Pressure"], ["file"], ["pressure", "file"], ["file", "pressure", "x"]])
-    )  # fmt: skip
-    cells = st.one_of(st.sampled_from(["0 cm", "5 cm", "1.2 kPa", "35 mmH2O", "2,8 cm", '"2,8 cm"', "5 647 Pa"]), texts)
-    names = st.one_of(st.sampled_from([*pictures, "none.png", "0001", ".", "a/b.png"]), texts)
+    usual = [["file", "pressure"], ["file", "pressure", "error"], ["file", "left", "right"], ["File", "Pressure"]]
+    header = draw(st.sampled_from([*3 * usual, ["file"], ["pressure", "file"], ["file", "pressure", "x"]]))
+    right = st.sampled_from(["0 cm", "5 cm", "3 mm", "12.5 cm"])
+    cells = st.one_of(
+        right, right, right, st.sampled_from(["1.2 kPa", "35 mmH2O", "2,8 cm", '"2,8 cm"', "5 647 Pa"]), texts
+    )
+    files = st.sampled_from(list(pictures))
+    names = st.one_of(*6 * [files], st.sampled_from(["none.png", "0001", ".", "a/b.png", "REST.JPG"]), texts)
     rows = [header]
-    for _ in range(draw(st.integers(0, 3))):
+    if header == ["file", "pressure"]:
+        rows.append(["rest.jpg", "0 cm"])
+    for _ in range(draw(st.integers(1, 3))):
         rows.append([draw(names if name.lower() == "file" else cells) for name in header])
-    if draw(st.integers(0, 4)) == 0:
+    if draw(st.integers(0, 9)) == 0:
         rows.append([draw(texts)])
     text = "\n".join(mark.join(row) for row in rows) + "\n"
     words = ("photos", "photos.csv", "--setup", "setup.toml", "--no-pictures", "--quiet", "--jobs", "1", "-o", "out")
@@ -188,21 +193,17 @@ def photos(draw: Any, setup: str, pictures: dict[str, bytes]) -> Attempt:
 
 @st.composite
 def setups(draw: Any, setup: str, pictures: dict[str, bytes]) -> Attempt:
-    lines = setup.splitlines()
-    for _ in range(draw(st.integers(0, 3))):
-        place = draw(st.integers(0, len(lines) - 1))
-        name, found, _ = lines[place].partition(" = ")
-        how = draw(st.sampled_from(["value", "value", "value", "gone", "twice"]))
-        if how == "value":
-            lines[place] = f"{name} = {draw(values)}" if found else draw(values)
-        elif how == "gone":
-            lines[place] = ""
+    tables: Tables = {"": {}}
+    for name, value in tomllib.loads(setup).items():
+        if isinstance(value, dict):
+            tables[name] = {key: json.dumps(one) for key, one in value.items()}
         else:
-            lines.insert(place, lines[place])
-    listed = b"file,pressure\n" + b"".join(f"{name},{5 * k} cm\n".encode() for k, name in enumerate(pictures))
+            tables[""][name] = json.dumps(value)
+    more = {"": {"roi": "[0, 0, 600, 400]", "zero": "[[0.0, 0.0], [0.01, 0.0]]", "shadow_colour": "[20, 20, 20]"}}
+    text = written(draw(changed(tables, more)))
+    listed = b"file,pressure\nrest.jpg,0 cm\nsecond.jpg,10 cm\n"
     words = ("photos", "photos.csv", "--setup", "setup.toml", "--no-pictures", "--quiet", "--jobs", "1", "-o", "out")
-    files = {"photos.csv": listed, "setup.toml": draw(damaged("\n".join(lines) + "\n")), **pictures}
-    return Attempt("measurement", words, files)
+    return Attempt("measurement", words, {"photos.csv": listed, "setup.toml": draw(damaged(text)), **pictures})
 
 
 # -- options ---------------------------------------------------------------------------------------------------------------
@@ -213,7 +214,7 @@ STARTS = {
     ("softmodels", "limit"): ("-o", "out"),
     ("softmodels", "curve"): ("--material", "ecoflex-00-30", "--no-pictures", "--quiet", "-o", "out"),
     ("softmodels", "fit"): ("--tensile", "pull.csv", "--no-pictures", "--quiet", "-o", "out"),
-    ("measurement", "setup"): ("grid.png", "--lens", "none", "-o", "out/setup.toml"),
+    ("measurement", "setup"): ("grid.jpg", "--lens", "none", "-o", "out/setup.toml"),
     ("measurement", "photos"): ("photos.csv", "--no-pictures", "--quiet", "--jobs", "1", "-o", "out"),
     ("geometries", "HollowDisk"): ("--section", "axisymmetric", "-o", "out/a.msh"),
 }

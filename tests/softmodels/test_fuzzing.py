@@ -23,7 +23,7 @@ def fuzz(monkeypatch):
 
 
 def test_random_inputs_end_in_a_result_or_in_a_sentence(fuzz, tmp_path):
-    found = fuzz.campaign(fuzz.Bench(tmp_path), COUNT, SEED)
+    found = fuzz.campaign(fuzz.Bench(tmp_path, measure=False), COUNT, SEED)
     assert len(found) == COUNT
     assert [(one.kind, one.attempt, one.fault) for one in found if one.fault] == []
     assert {one.status for one in found} >= {0, 2}
@@ -31,7 +31,7 @@ def test_random_inputs_end_in_a_result_or_in_a_sentence(fuzz, tmp_path):
 
 def test_faults_are_seen(fuzz, tmp_path, monkeypatch):
     """What the campaign is there for: a traceback, a status without a sentence, a touched file."""
-    bench = fuzz.Bench(tmp_path)
+    bench = fuzz.Bench(tmp_path, measure=False)
     attempt = fuzz.inputs.Attempt("softmodels", ("run", "case.toml"), {"case.toml": b"x"})
     assert bench.tried("case", attempt).fault == "" and bench.tried("case", attempt).status == 2
 
