@@ -26,6 +26,7 @@ from softmodels.outline_data import OutlineFitError, Shape, prepare, read_outlin
 from softmodels.outline_fit import BENCH, Bench, Fitting, OutlineResiduals
 from softmodels.outline_trials import Trial, try_heights, try_outlines
 from softmodels.parallel import abort_on_error, on_root, start
+from softmodels.pressure_course import Row
 from softmodels.tensile import TensileCurve
 from softmodels.tensile_fit import residuals_of
 
@@ -92,6 +93,7 @@ def device_report(
     notes += [f"{name} is left out, as --without says" for name in options["without"]]
     against = [pair.sentence for pair in contradictions(curves, options["gauge"])]
     trials: dict[str, Trial] = {}
+    rows: tuple[Row, ...] = ()
     for choice in choices:
         device = _device(case, choice, comm)
         loss = "soft_l1" if options["robust"] else "linear"
@@ -100,7 +102,8 @@ def device_report(
             shapes, more = prepare(outlines, case.actuator, device.silhouette.width)
             notes += [note for note in more if note not in notes]
             others = residuals_of(curves, choice, options["stress"], options["gauge"])
-            trials[choice.name] = try_outlines(device, shapes, bench(options), others, mine, loss)
+            trials[choice.name] = try_outlines(device, shapes, bench(options), others, mine, loss, rows)
+            rows = trials[choice.name].rows
         else:
             assert heights is not None
             trials[choice.name] = try_heights(device, check_heights(heights, device.silhouette.width), mine, loss)

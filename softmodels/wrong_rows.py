@@ -44,10 +44,12 @@ class WrongRows:
     Attributes:
         names: Their names; empty if none can be named.
         sentence: What is wrong with them.
+        gross: Whether one of their pressures is off by more than any law or bench explains.
     """
 
     names: tuple[str, ...]
     sentence: str
+    gross: bool = False
 
     @property
     def advice(self) -> str:
@@ -68,8 +70,12 @@ def by_course(rows: Sequence[Row]) -> WrongRows | None:
         return None
     pair = exchanged(rows)
     if pair is not None:
-        return WrongRows((pair[0].source, pair[1].source), _exchange(*pair))
-    return WrongRows(tuple(one.source for one in found), "; ".join(map(_sentence, found)))
+        return WrongRows((pair[0].source, pair[1].source), _exchange(*pair), any(map(_gross, pair)))
+    return WrongRows(tuple(one.source for one in found), "; ".join(map(_sentence, found)), any(map(_gross, found)))
+
+
+def _gross(one: Contradiction) -> bool:
+    return not 1 / GROSS < one.factor < GROSS
 
 
 def by_fit(
