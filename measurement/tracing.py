@@ -47,6 +47,9 @@ BLANK = 0.985
 PART, MOST_PARTS = 0.7, 0.05
 """Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
 
+UNEVEN, PIECES = 0.08, 12
+"""Change of the shadow's depth along its edge that one lamp does not make, over means of so many pieces of the edge."""
+
 NOISIEST = 50e-6
 """Greatest median standard error in m of the points of an edge."""
 
@@ -305,6 +308,13 @@ def _check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
         raise Unmeasurable(
             f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has several "
             "edges, from a second lamp, a reflection or a double exposure"
+        )
+    count = max(FEWEST_POINTS // 2, len(part) // PIECES)
+    level = np.convolve(part, np.ones(count) / count, "valid")
+    if len(part) >= 2 * count and np.ptp(level) > UNEVEN:
+        return (
+            f"the shadow's depth changes by {np.ptp(level):.0%} along its edge: a second lamp, a reflection or stray light "
+            "reaches a part of it",
         )
     share = float(np.mean(part < PART))
     if share > MOST_PARTS:
