@@ -163,5 +163,6 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:
     times = f"a misfit {second.ratio / ranked[0].ratio:.3g} times as large"
     if not second.near or second.aicc < UNDECIDED:
         return best, f"the data prefer {first}: the next, {second.fit.label}, leaves {times}"
-    said = f"the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells) and leaves {times}"
+    joint = "and leaves" if second.ratio >= ranked[0].ratio else "although it leaves"
+    said = f"the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells) {joint} {times}"
     return best, f"the data prefer {first}: {said}"
