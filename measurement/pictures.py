@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from measurement.outline import Outline
+from measurement.page_style import RULES, VIEWPORT
 from measurement.photo import Refusal
 from measurement.series import Result
 from measurement.witness import course_of
@@ -35,18 +36,18 @@ FRAME_TIME = 500
 """Milliseconds per picture of the animation."""
 
 PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>Outlines from shadows</title><style>
+<html lang="en"><head><meta charset="utf-8">{viewport}<title>Outlines from shadows</title><style>
 body {{ font: 16px/1.5 system-ui, sans-serif; color: #102a43; max-width: 66rem; margin: 2rem auto; padding: 0 1rem; }}
 table {{ border-collapse: collapse; width: 100%; }} th, td {{ padding: .3rem .8rem; border-bottom: 1px solid #d9e2ec; }}
 th {{ text-align: left; }} td.n {{ text-align: right; font-variant-numeric: tabular-nums; }}
 tr.refused td {{ color: #c0392b; }} tr.weak td {{ color: #9a6700; }} img {{ max-width: 100%; }}
-.photos {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(20rem, 1fr)); gap: 1rem; }}
-</style></head><body>
+.photos {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(min(20rem, 100%), 1fr)); gap: 1rem; }}
+{style}</style></head><body>
 <h1>Outlines from shadows</h1>
 <p>{summary}</p>
-<table><tr><th>photograph</th><th>pressure in Pa</th><th>height in mm</th><th>points</th><th>remarks</th></tr>
+<div class="wide"><table><tr><th>photograph</th><th>pressure in Pa</th><th>height in mm</th><th>points</th><th>remarks</th></tr>
 {rows}
-</table>
+</table></div>
 {pictures}
 <h2>The edge in every photograph</h2>
 <div class="photos">{photos}</div>
@@ -166,7 +167,8 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
     edges = [(folder / "edges" / f"{result.name}.png", result.photograph.file.name) for result in results]
     photos = "\n".join(_image(file, name) for file, name in edges if file.is_file())
     rows = "\n".join(_row(result) for result in results)
-    path.write_text(PAGE.format(summary=summary, rows=rows, pictures=pictures, photos=photos), encoding="utf-8")
+    page = PAGE.format(viewport=VIEWPORT, style=RULES, summary=summary, rows=rows, pictures=pictures, photos=photos)
+    path.write_text(page, encoding="utf-8")
 
 
 def _row(result: Result) -> str:

@@ -12,6 +12,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from measurement.page_style import RULES, VIEWPORT, wide
 from measurement.plain_text import plain
 from softmodels.fit_report import (
     Fitted,
@@ -147,11 +148,11 @@ def as_png(figure: Figure) -> bytes:
 
 
 PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>Fitted material</title><style>
+<html lang="en"><head><meta charset="utf-8">{viewport}<title>Fitted material</title><style>
 body{{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#102a43}}
 table{{border-collapse:collapse;margin:.6em 0}}td,th{{padding:.15em .9em;border-bottom:1px solid #d9e2ec;text-align:right}}
 td:first-child,th:first-child{{text-align:left}}img{{max-width:100%}}.w{{color:#c0392b}}
-</style></head><body>
+{style}</style></head><body>
 {body}
 </body></html>
 """
@@ -183,13 +184,13 @@ def page(report: Report, images: dict[str, bytes]) -> str:
         said = (other_convention(one), *one.judgement.notes, *one.fit.unseen, *one.verdict.notes)
         parts.append(_list([text for text in said if text]))
         parts.append(_image(f"profiles-{one.choice.name}.png", images))
-    return PAGE.format(body="\n".join(part for part in parts if part))
+    return PAGE.format(viewport=VIEWPORT, style=RULES, body="\n".join(part for part in parts if part))
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = ["<tr>" + "".join(f"<th>{html.escape(cell)}</th>" for cell in head) + "</tr>"]
     lines += ["<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows]
-    return f"<table>{''.join(lines)}</table>"
+    return wide(f"<table>{''.join(lines)}</table>")
 
 
 def _list(texts: Sequence[str], style: str = "") -> str:

@@ -11,7 +11,9 @@ import pytest
 from PIL import Image
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels import report
+from measurement import pictures as measured
+from measurement.page_style import RULES, VIEWPORT
+from softmodels import fit_pictures, report
 from softmodels.glossary import term
 from softmodels.states import States
 from softmodels.views import look
@@ -99,6 +101,17 @@ def test_every_column_is_explained_with_its_unit(pressed, stretched):
     slab = SeminarActuator()
     for column in slab.device_figures(slab.probes):
         assert term(column, tuple(slab.probes)).text, column
+
+
+def test_pages_of_fits_and_photographs_fit_a_phone_and_paper():
+    filled = measured.PAGE.format(viewport=VIEWPORT, style=RULES, summary="", rows="", pictures="", photos="")
+    for text in (
+        filled,
+        fit_pictures.PAGE.format(viewport=VIEWPORT, style=RULES, body=fit_pictures._table(("a",), [("b",)])),
+    ):
+        assert 'name="viewport" content="width=device-width' in text and "@media print" in text
+        assert re.search(r"img\{max-width:100%", text) and re.search(r"\.wide\{[^}]*overflow-x:auto", text)
+        assert all(text[: found.start()].endswith('<div class="wide">') for found in re.finditer(r"<table", text))
 
 
 def test_the_page_fits_a_phone_and_paper(pressed):
