@@ -97,19 +97,35 @@ def left_alone(kind: Kind, folder: Path) -> float:
     return time.monotonic() - begun
 
 
-def killed(kind: Kind, folder: Path, seconds: float, how: signal.Signals, rng: random.Random, again: bool) -> bool:
-    """Run a kind and kill it at a random moment; whether it had not ended before."""
+def killed(
+    kind: Kind, folder: Path, seconds: float, states: int, how: signal.Signals, rng: random.Random, again: bool
+) -> bool:
+    """Run a kind and kill it at a random moment; whether it had not ended before.
+
+    Most of a run's time is its beginning, where nothing is written: three of four kills wait for a random number of states.
+    """
+    wanted = rng.randint(1, states) if states and rng.random() < 0.75 else 0
+    moment = time.monotonic() + seconds * rng.uniform(0.02, 1.0)
     # A session of its own, so that what it starts ends with it.
     process = subprocess.Popen(
         command(kind, folder, again), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    try:
-        process.wait(timeout=seconds * rng.uniform(0.02, 1.0))
+    while process.poll() is None and (rows_in(folder) < wanted if wanted else time.monotonic() < moment):
+        time.sleep(0.002)
+    time.sleep(0.05 * rng.random() if wanted else 0.0)
+    if process.poll() is not None:
         return False
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL) if how is signal.SIGKILL else process.send_signal(how)
-        process.wait(timeout=120)
-        return True
+    os.killpg(process.pid, signal.SIGKILL) if how is signal.SIGKILL else process.send_signal(how)
+    process.wait(timeout=300)
+    return True
+
+
+def rows_in(folder: Path) -> int:
+    """States in a folder's table."""
+    try:
+        return len((folder / "path.csv").read_text().splitlines()) - 1
+    except OSError:
+        return 0
 
 
 def whole(folder: Path) -> list[str]:
@@ -179,6 +195,7 @@ def campaign(
         make_inputs(inputs)
     every = kinds(inputs)
     seconds = {name: left_alone(every[name], place / f"{name}-alone") for name in chosen}
+    states = {name: max(rows_in(place / f"{name}-alone"), 0) for name in chosen}
     kills, faults, round_ = 0, [], 0
     while kills < count:
         for name in chosen:
@@ -186,7 +203,7 @@ def campaign(
             before, again = kills, False
             for _ in range(min(rng.randint(1, MOST_KILLS), count - kills)):
                 how = rng.choice([signal.SIGKILL, signal.SIGKILL, rng.choice([signal.SIGTERM, signal.SIGINT])])
-                if not killed(kind, folder, seconds[name], how, rng, again):
+                if not killed(kind, folder, seconds[name], states[name], how, rng, again):
                     break
                 kills, again = kills + 1, folder.exists()
                 faults += [f"{name}: after kill {kills} by {how.name}: {fault}" for fault in whole(folder)]
