@@ -24,7 +24,8 @@ from measurement.lens import Exif, lens_profile, read_exif
 from measurement.output_file import check_output_file, has_table, is_drawn
 from measurement.output_place import status_of, trouble
 from measurement.overlay import draw_points, read_picture
-from measurement.own_folder import OwnFolderError, is_same
+from measurement.own_files import is_same
+from measurement.own_folder import OwnFolderError
 from measurement.plane import Plane, PlaneError
 from measurement.reasons import reason
 from measurement.setup import Setup, SetupError, magnification

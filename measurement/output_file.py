@@ -6,7 +6,8 @@ import tomllib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from measurement.own_folder import OwnFolderError, is_same
+from measurement.own_files import is_same
+from measurement.own_folder import OwnFolderError
 
 MARK = "softmodels"
 """What the header of a drawn PNG names as its software."""

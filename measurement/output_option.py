@@ -8,8 +8,9 @@ from typing import Any
 
 import click
 
+from measurement.default_folder import take_default
 from measurement.folder_lock import InUseError
-from measurement.own_folder import OwnFolder, OwnFolderError, take_default
+from measurement.own_folder import OwnFolder, OwnFolderError
 from measurement.result_folder import ResultFolder
 
 

@@ -8,20 +8,27 @@ when their first part is whole: until then the earlier ones stay. Being cut off 
 from __future__ import annotations
 
 import contextlib
-import importlib.metadata
-import itertools
 import json
 import os
-import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from measurement.folder_lock import FolderLock, InUseError
+from measurement.folder_lock import FolderLock
+from measurement.own_files import (
+    HIDDEN,
+    counts,
+    is_inside,
+    is_same,
+    is_step,
+    remove_inside,
+    remove_steps,
+    replace_text,
+    some,
+    version,
+)  # fmt: skip
 
-HIDDEN = ".softmodels"
-"""What the names of files and folders begin with that this module makes for itself."""
 RECORD = f"{HIDDEN}.json"
 FORMAT = 1
 """Of the record."""
@@ -61,7 +68,7 @@ class OwnFolder:
         whole = (
             isinstance(found, dict) and isinstance(found.get("files"), list) and isinstance(found.get("about"), dict)
         )
-        return found if whole and all(map(_is_inside, found["files"])) else None
+        return found if whole and all(map(is_inside, found["files"])) else None
 
     @property
     def files(self) -> list[str]:
@@ -77,7 +84,7 @@ class OwnFolder:
     def is_free(self) -> bool:
         """Whether nothing is there, not even of an earlier run."""
         try:
-            return not any(_counts(file) for file in self.path.iterdir())
+            return not any(counts(file) for file in self.path.iterdir())
         except FileNotFoundError:
             return True
         except OSError:
@@ -106,13 +113,13 @@ class OwnFolder:
 
     def _foreign(self) -> str:
         try:
-            names = sorted(file.name for file in self.path.iterdir() if _counts(file))
+            names = sorted(file.name for file in self.path.iterdir() if counts(file))
         except OSError as error:
             return f"the folder {self.path} cannot be written ({error.strerror})"
         if self._record.exists():
             return f"{self._record} cannot be understood, so nothing in its folder is replaced; take another folder (--output)"
         return (
-            f"{self.path} holds files that no run of this version has recorded as its own ({_some(names)}), and nothing in it "
+            f"{self.path} holds files that no run of this version has recorded as its own ({some(names)}), and nothing in it "
             "is replaced; take a folder that is empty or not there (--output), or move those files away"
         )
 
@@ -242,7 +249,7 @@ class OwnFolder:
         self.check_names(incoming)
         for name, inner in incoming.items():
             for file in inner:
-                if file not in self._inside(name) and (self.path / name / file).exists() and not _is_step(file):
+                if file not in self._inside(name) and (self.path / name / file).exists() and not is_step(file):
                     raise OwnFolderError(
                         f"{self.path / name / file} is there and was not written by this program, so it is not replaced; "
                         "move it away, or take another folder (--output)"
@@ -262,7 +269,7 @@ class OwnFolder:
         if "incoming" not in record:
             shutil.rmtree(self._prepared, ignore_errors=True)
             return
-        incoming = {name: inner for name, inner in record["incoming"].items() if _is_inside(name)}
+        incoming = {name: inner for name, inner in record["incoming"].items() if is_inside(name)}
         for name, inner in incoming.items():
             source, target = self._prepared / name, self.path / name
             if not name.endswith("/"):
@@ -270,14 +277,14 @@ class OwnFolder:
                     source.replace(target)
             elif source.is_dir():
                 target.mkdir(exist_ok=True)
-                _remove_inside(target, self._inside(name) - set(inner), keep=inner)
+                remove_inside(target, self._inside(name) - set(inner), keep=inner)
                 for file in sorted(source.iterdir()):
                     file.replace(target / file.name)
                 source.rmdir()
         for name in record["files"]:
             if name not in incoming:
                 _remove(self.path, name, self._inside(name))
-        inside = {name: inner for name, inner in incoming.items() if inner and not all(map(_is_step, inner))}
+        inside = {name: inner for name, inner in incoming.items() if inner and not all(map(is_step, inner))}
         self._write(list(incoming), record.get("incoming_about", {}), {"inside": inside} if inside else {})
         shutil.rmtree(self._prepared, ignore_errors=True)
 
@@ -290,104 +297,6 @@ class OwnFolder:
             "about": dict(about), **more,
         }  # fmt: skip
         replace_text(self._record, json.dumps(record, indent=1) + "\n")
-
-
-def take_default(base: Path, kind: str, inputs: Mapping[str, Any]) -> OwnFolder:
-    """Take the first of ``base``, ``base-2``, ``base-3`` ... that is free or holds results of the very same inputs.
-
-    Args:
-        base: The folder's name where nothing is in the way.
-        kind: What it is to hold.
-        inputs: What decides the results, as it was recorded under ``"inputs"``.
-
-    Raises:
-        InUseError: A program with the same inputs is under way.
-        OSError: It cannot be written.
-    """
-    for path in numbered(base):
-        own = OwnFolder(path, kind)
-        record = own.record
-        same = record is not None and record.get("kind") == kind and own.about.get("inputs") == dict(inputs)
-        if not same and os.path.lexists(path) and not own.is_free:
-            continue
-        try:
-            own.take()
-            return own
-        except InUseError:
-            if same:
-                raise
-        except OwnFolderError:
-            if same or not own.path.exists():
-                raise
-    raise AssertionError("there is always another number")
-
-
-def numbered(base: Path) -> Iterator[Path]:
-    """``base``, ``base-2``, ``base-3`` and so on."""
-    yield base
-    for number in itertools.count(2):
-        yield base.with_name(f"{base.name}-{number}")
-
-
-def is_same(one: Path, other: Path) -> bool:
-    """Whether two names are of one file, which may be reached in several ways."""
-    try:
-        return one.samefile(other)
-    except OSError:
-        return False
-
-
-def version() -> str:
-    """The installed version; of a bare checkout unknown."""
-    try:
-        return importlib.metadata.version("softmodels")
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
-
-
-def replace_text(path: Path, text: str) -> None:
-    """Write a small file whole or not at all."""
-    aside = path.with_name(f"{path.name}.part")
-    try:
-        aside.write_text(text, encoding="utf-8")
-        aside.replace(path)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
-
-
-def _is_inside(name: Any) -> bool:
-    """Whether a recorded name is a file's or folder's right in the folder: a record may have come from elsewhere."""
-    return isinstance(name, str) and re.fullmatch(r"[^/\\\0]+/?", name) is not None and name.strip("./") != ""
-
-
-def _counts(file: Path) -> bool:
-    """Whether a file in a folder makes it one that is in use: not what locking and preparing leave there."""
-    return not file.name.startswith(HIDDEN)
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(map(repr, names[:3])) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-
-
-def _is_step(name: str) -> bool:
-    """Whether a file in a folder of steps is one of a run's: they come and go too often to be recorded one by one."""
-    return re.fullmatch(r"\d{4,}\.h5(\.part)?", name) is not None
-
-
-def _remove_inside(folder: Path, names: Iterable[str] = (), keep: Iterable[str] = ()) -> None:
-    gone, kept = set(names), set(keep)
-    for file in folder.iterdir():
-        if file.name not in kept and (file.name in gone or _is_step(file.name)):
-            file.unlink(missing_ok=True)
-
-
-def remove_steps(folder: Path, names: Iterable[str] = ()) -> None:
-    """Take away a folder inside a folder of results: steps, and files by name. Where others are in it, they stay in it."""
-    if folder.is_dir() and not folder.is_symlink():
-        _remove_inside(folder, names)
-        with contextlib.suppress(OSError):  # something of the user's is in it
-            folder.rmdir()
 
 
 def _remove(folder: Path, name: str, inside: Iterable[str] = ()) -> None:

@@ -8,8 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from measurement.default_folder import take_default
 from measurement.folder_lock import InUseError
-from measurement.own_folder import OwnFolder, OwnFolderError, take_default
+from measurement.own_folder import OwnFolder, OwnFolderError
 from measurement.reasons import reason
 
 NO_INPUT = ("output", "quiet", "no_pictures", "jobs")

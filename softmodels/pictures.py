@@ -21,8 +21,9 @@ from softmodels import film, hot_spots, plots, program_plots, report, sections, 
 from softmodels.case import Case, CaseError
 from softmodels.cut_lines import axes_of, cut_line
 from softmodels.pages import STYLE, headline
+from softmodels.picture_files import picture_files, picture_folder
 from softmodels.rendering import can_render
-from softmodels.results import ResultsError, picture_files, picture_folder, replace, write_bytes
+from softmodels.results import ResultsError, replace, write_bytes
 from softmodels.states import States
 from softmodels.views import Look, look
 

@@ -3,9 +3,6 @@
 New results are prepared aside, and replace those of an earlier run when their first step is there. Each step goes into a file
 of its own, written aside and renamed, and the light files (XDMF, CSV) are replaced whole after each step. A run that ends well
 gathers the steps into one HDF5 file. Only rank 0 has one of these; nothing here knows of MPI.
-
-The XDMF spells out topology, geometry and all fields in every time step: VTK's reader crashes on the ``xi:include`` that
-DOLFINx would write, and ParaView would show each field on a grid of its own.
 """
 
 from __future__ import annotations
@@ -21,12 +18,14 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
 
-from measurement.own_folder import PATIENCE, OwnFolder, remove_steps
+from measurement.own_files import remove_steps
+from measurement.own_folder import PATIENCE, OwnFolder
+from softmodels.picture_files import picture_folder
+from softmodels.xdmf import xdmf
 
 FORMAT = 1
 """Of the stored steps, in the HDF5 file's attribute ``format``. Raised by a change after which older runs cannot go on."""
@@ -306,73 +305,10 @@ class Results:
         writer.writeheader()
         writer.writerows(self.rows)
         replace(self.folder / "path.csv", lambda path: path.write_text(text.getvalue()))
-        replace(self.folder / f"{self.name}.xdmf", lambda path: path.write_bytes(self._xdmf()))
-
-    def _xdmf(self) -> bytes:
-        points, cells, cell_name = self._shapes
-        root = ElementTree.Element("Xdmf", Version="3.0")
-        domain = ElementTree.SubElement(root, "Domain")
-        series = ElementTree.SubElement(
-            domain, "Grid", Name=self.name, GridType="Collection", CollectionType="Temporal"
+        replace(
+            self.folder / f"{self.name}.xdmf",
+            lambda path: path.write_bytes(xdmf(self.name, self.heavy.name, self._shapes, self.stored)),
         )
-        for stored in self.stored:
-            grid = ElementTree.SubElement(series, "Grid", Name=self.name, GridType="Uniform")
-            ElementTree.SubElement(grid, "Time", Value=str(stored.row["step"]))
-            topology = ElementTree.SubElement(grid, "Topology", TopologyType=cell_name, NumberOfElements=str(cells[0]))
-            _item(topology, cells, f"{self.heavy.name}:/mesh/cells", "Int", "8")
-            _item(
-                ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"),
-                (points, 3),
-                f"{self.heavy.name}:/mesh/points",
-            )
-            extra = {"mode": "Vector"} if stored.row.get("bifurcation") else {}
-            for name, kind in {**FIELDS, **extra}.items():
-                attribute = ElementTree.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center="Node")
-                shape = (points, 3) if kind == "Vector" else (points,)
-                _item(attribute, shape, f"{stored.file}:{stored.group}/{name}")
-        ElementTree.indent(root)
-        return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-
-
-FIELDS = {
-    "displacement": "Vector",
-    "p": "Scalar",
-    "von_mises_stress": "Scalar",
-    "largest_stretch": "Scalar",
-    "J": "Scalar",
-}
-"""Nodal fields of every step, with XDMF's kind."""
-
-PICTURES = (
-    "profile",
-    "mesh",
-    "slice",
-    "mode",
-    "undeformed",
-    "cut",
-    "hot-spots",
-    "stress",
-    *(f"stress-{k}" for k in range(1, 5)),
-)
-"""Stems of the pictures drawn beside the one that has the gauge's name."""
-PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
-
-
-def picture_files(gauge: str) -> list[str]:
-    """Names of all that is drawn of a run: pictures, film and report."""
-    return [*(f"{picture}.png" for picture in (*PICTURES, gauge)), *PAGES]
-
-
-def picture_folder(folder: Path) -> OwnFolder:
-    """The pictures in a folder of results: a record beside the run's, for they are also drawn while the run goes on."""
-    return OwnFolder(folder, "pictures", part="pictures")
-
-
-def _item(parent: Any, shape: tuple[int, ...], place: str, number: str = "Float", precision: str = "8") -> None:
-    item = ElementTree.SubElement(
-        parent, "DataItem", Dimensions=" ".join(map(str, shape)), NumberType=number, Precision=precision, Format="HDF"
-    )
-    item.text = place
 
 
 def _stored(group: Any, file: str, path: str) -> Stored:

@@ -8,12 +8,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from measurement.default_folder import numbered, take_default
 from measurement.output_place import FULL
-from measurement.own_folder import OwnFolder, is_same, numbered, take_default
+from measurement.own_files import is_same
+from measurement.own_folder import OwnFolder
 from softmodels.case import Case
 from softmodels.identity import difference, identity
 from softmodels.outcomes import BAD_INPUT, FAILED, RunError
-from softmodels.results import RUN, Results, ResultsError, picture_files, picture_folder, write_text
+from softmodels.picture_files import picture_files, picture_folder
+from softmodels.results import RUN, Results, ResultsError, write_text
 from softmodels.resuming import check_same, check_values, drop_between
 
 MOST_GAPS = 20

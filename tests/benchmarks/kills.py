@@ -63,7 +63,7 @@ def kinds(inputs: Path) -> dict[str, Kind]:
         "wedge": Kind((*DISK, *COARSE, "--pressure-cm", "0:177:40")),
         "volume": Kind((*DISK, *SHADOW, "--volume-ml", "0:60:5")),
         "limit": Kind((*DISK, *SHADOW, "--support", "base", "--shear-modulus", "20kPa", "--pressure-cm", "0,20,34,40")),
-        "seminar": Kind(("-m", "softmodels.seminar", "--no-pictures", "--quiet", "--around", "6", "--cell-size", "9mm",
+        "seminar": Kind(("-m", "softmodels.seminar", "--no-pictures", "--quiet", "--around", "6", "--cell-size", "8mm",
                          "--channels", "2", "--pressure-cm", "0,30,60")),
         "cycle": Kind((*DISK, *SHADOW, "--cycle", "--pressure-cm", "0,20,36", "--material", "yeoh", "--c1", "10kPa", "--c2",
                        "20Pa", "--c3", "3Pa", "--poisson", "0.495")),
