@@ -27,8 +27,8 @@ from measurement.own_folder import PATIENCE, OwnFolder
 from softmodels.picture_files import picture_folder
 from softmodels.xdmf import xdmf
 
-FORMAT = 1
-"""Of the stored steps, in the HDF5 file's attribute ``format``. Raised by a change after which older runs cannot go on."""
+FORMAT = 2
+"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
 RESTART = "restart"
 """What of a step is for a restart alone: its attribute, and the beginning of its fields' names."""
 KEPT = 8
