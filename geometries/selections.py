@@ -20,6 +20,7 @@ from geometries.actuator import Vector
 from geometries.errors import GeometryError
 from geometries.face_labels import Colour, face_names, named_surfaces, surface_colours
 
+LONGEST_TEXT = 300
 AXES = "xyz"
 NUMBER = r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*"
 FORMS = "'x = 0 mm', 'normal 1, -1, 0 at 2 mm', 'in -1..31, -5..5, 0..2 mm', 'named lid' or 'coloured #ff0000'"
@@ -68,6 +69,7 @@ def faces(field: str, text: str) -> Faces:
     Raises:
         GeometryError: Not one of the forms this module knows.
     """
+    _check_size(field, text)
     if found := re.fullmatch(r"\s*([xyz])\s*=\s*(.+)", text):
         x, y, z = (float(axis == found[1]) for axis in AXES)
         return Faces(text, normal=(x, y, z), at=_length(field, found[2]))
@@ -99,11 +101,18 @@ def point(field: str, text: str) -> tuple[float, float, float]:
     Raises:
         GeometryError: Not of the form ``at 10, 0, 4 mm``.
     """
+    _check_size(field, text)
     found = re.fullmatch(r"\s*at" + ",".join([NUMBER] * 3) + r"([a-z]+)\s*", text)
     if not found:
         raise GeometryError(f"{field} is {text!r}; write a point as 'at 10, 0, 4 mm'{_about_commas(text)}")
     x, y, z = (_length(field, f"{number} {found[4]}") for number in found.groups()[:3])
     return x, y, z
+
+
+def _check_size(field: str, text: str) -> None:
+    """Patterns take long over texts without end."""
+    if len(text) > LONGEST_TEXT:
+        raise GeometryError(f"{field} has {len(text)} characters; write {FORMS}")
 
 
 def _about_commas(text: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
-import re
 import sys
 from pathlib import Path
 from typing import Any, NoReturn
@@ -15,6 +14,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from measurement import setup_texts as texts
 from measurement.boards import find_charuco, find_chessboard
 from measurement.calibration import calibrate as calibrated
 from measurement.camera import Camera, CameraError, frame_points
@@ -28,9 +28,9 @@ from measurement.own_files import is_same
 from measurement.own_folder import OwnFolderError
 from measurement.plane import Plane, PlaneError
 from measurement.reasons import reason
-from measurement.setup import Setup, SetupError, magnification
+from measurement.setup import Setup, SetupError
 from measurement.toml_file import TomlError, read_toml
-from measurement.units import UnitError, brief, number, quantity
+from measurement.units import UnitError, number
 
 UNUSABLE, UNMEASURED, SOME_REFUSED = 2, 1, 3
 """Exit statuses: the input cannot be used; it can, but nothing could be measured in it; some photographs are left out."""
@@ -62,7 +62,7 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     try:
         check_output_file(output, photographs, lambda file: has_table("camera")(file) and not has_table("plane")(file),
                           "the camera file", "-o")  # fmt: skip
-        made = calibrated(photographs, _pattern(pattern), _length(pitch))
+        made = calibrated(photographs, texts.pattern(pattern), texts.length(pitch))
     except (OwnFolderError, UnitError, SetupError) as error:
         _stop(str(error), UNUSABLE)
     except CameraError as error:
@@ -144,19 +144,19 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
         shown = _places(photograph, output, overlay, given["lens"])
         picture = read_picture(photograph)
         height, width = picture.shape[:2]
-        pitch = _length(given["grid_pitch"])
+        pitch = texts.length(given["grid_pitch"])
         if not pitch > 0.0:
             raise SetupError(f"--grid-pitch must be a positive length, not {given['grid_pitch']}")
         if pitch > LARGEST:
             raise SetupError(f"--grid-pitch {given['grid_pitch']} is no grid of this kind; write mm for millimetres")
         camera = _camera(given["lens"], photograph, width, height, given["body"], given["focal"])
         plane, grid = _plane(picture, camera, pitch, given)
-        size = _magnification(given["lamp_distance"], given["screen_distance"])
-        roi = None if given["roi"] is None else _numbers(given["roi"], 4, "--roi")
+        size = texts.magnification(given["lamp_distance"], given["screen_distance"])
+        roi = None if given["roi"] is None else texts.numbers(given["roi"], 4, "--roi")
         has_grid = grid is not None and given["target"] == "grid"
         made = Setup(camera, plane, *size, roi=roi, grid_pitch=pitch if has_grid else None)  # type: ignore[arg-type]
         if given["zero"] is not None:
-            ends = [_numbers(part, 2, "--zero") for part in given["zero"].split("=")]
+            ends = [texts.numbers(part, 2, "--zero") for part in given["zero"].split("=")]
             made = dataclasses.replace(made, zero=made.to_metres(ends))
     except GridError as error:
         _stop(f"{photograph}: {error}", UNUSABLE)
@@ -224,21 +224,21 @@ def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> 
 def _plane(
     picture: NDArray[np.uint8], camera: Camera, pitch: float, given: dict[str, Any]
 ) -> tuple[Plane, GridPoints | None]:
-    place = None if given["origin"] is None else _numbers(given["origin"], 2, "--origin")
+    place = None if given["origin"] is None else texts.numbers(given["origin"], 2, "--origin")
     origin = (place[0], place[1]) if place else None
     if given["scale"] is not None and given["points"]:
         raise SetupError("give --point or --scale, not both")
     if given["scale"] is not None:
         scale, _, error = given["scale"].replace("±", "+-").partition("+-")
-        return plane_of_scale(camera, _per_metre(scale), _per_metre(error) if error else 0.0, origin), None
+        return plane_of_scale(camera, texts.per_metre(scale), texts.per_metre(error) if error else 0.0, origin), None
     if given["points"]:
-        pairs = [_known_point(text) for text in given["points"]]
+        pairs = [texts.known_point(text) for text in given["points"]]
         px, metres = (np.array(part, dtype=float) for part in zip(*pairs, strict=True))
         return plane_of_points(camera, px, metres), None
     if given["target"] == "grid":
         grid = find_grid(picture, camera, pitch, origin)
     else:
-        columns, rows = _pattern(given["pattern"])
+        columns, rows = texts.pattern(given["pattern"])
         if given["target"] == "chessboard":
             grid = find_chessboard(picture, (columns, rows), camera)
         else:
@@ -265,7 +265,7 @@ def _report(made: Setup, kind: str | None, written: str) -> None:
 
 
 def _camera(lens: str, photograph: Path, width: int, height: int, body: str | None, focal: str | None) -> Camera:
-    length = None if focal is None else _length(focal) * 1e3
+    length = None if focal is None else texts.length(focal) * 1e3
     if lens == "none":
         return Camera.ideal(width, height)
     if lens.endswith(".toml"):
@@ -300,63 +300,6 @@ def _camera_file(path: Path) -> Camera:
     if not isinstance(table.get("camera"), dict):
         raise CameraError(f"{path} holds no camera; make it with python -m measurement calibrate")
     return Camera.from_table(table["camera"])
-
-
-def _magnification(lamp: str | None, screen: str | None) -> tuple[float, float]:
-    if lamp is None and screen is None:
-        return 1.0, 0.0
-    if lamp is None or screen is None:
-        raise SetupError("give both --lamp-distance and --screen-distance, or none of them")
-    (far, far_error), (near, near_error) = (_with_error(text) for text in (lamp, screen))
-    return magnification(far, near, far_error, near_error)
-
-
-def _with_error(text: str) -> tuple[float, float]:
-    value, _, error = text.replace("±", "+-").partition("+-")
-    return _length(value), _length(error) if error else 0.0
-
-
-def _known_point(text: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    pixel, _, place = text.partition("=")
-    parts = place.split(",")
-    if len(parts) != 2:
-        more = "; commas part the numbers, and decimals have a point" if len(parts) > 2 else ""
-        raise SetupError(f"{brief(text)} is no known point; write it like 100,200=9mm,18mm{more}")
-    return _numbers(pixel, 2, "--point"), tuple(_length(part) for part in parts)
-
-
-def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
-    try:
-        values = tuple(number(part) for part in text.split(","))
-    except UnitError:
-        values = ()
-    if len(values) != count or not all(abs(value) < 1e9 for value in values):
-        more = "; decimals have a point" if len(values) > count else ""
-        raise SetupError(f"{option} needs {count} numbers between commas, not {brief(text)}{more}")
-    return values
-
-
-def _pattern(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
-    if not found:
-        raise SetupError(f"{brief(text)} is no pattern; write the inner corners like 9x6")
-    return int(found[1]), int(found[2])
-
-
-def _length(text: str) -> float:
-    return quantity(text, "m")
-
-
-def _per_metre(text: str) -> float:
-    # A pixel is a count here; Pint's own pixel is a unit of its own.
-    found = re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
-    try:
-        return quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
-    except UnitError as error:
-        why = f" ({error})" if "decimal comma" in str(error) else ""
-        raise SetupError(
-            f"{brief(text.strip())} is no scale{why}; write pixels per length like 75px/mm or 75000px/m"
-        ) from None
 
 
 def _write(path: Path, text: str) -> None:

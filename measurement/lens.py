@@ -189,7 +189,7 @@ def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tu
 
 def _database_file(path: Path) -> lensfunpy.Database:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise CameraError(f"the lens profile {path} cannot be read: {reason(error)}") from None
     lensfunpy = _lensfun()

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from measurement.units import UnitError, number, quantity
+from measurement.units import UnitError, brief, number, quantity
 from softmodels.case import STIFFNESS_RANGE, CaseError
 from softmodels.compiling import compiling
 from softmodels.materials import Material
@@ -24,6 +24,8 @@ from softmodels.obstacle import Obstacle
 from softmodels.parallel import on_root
 from softmodels.sheet import Sheet
 
+LONGEST_TEXT = 300
+"""Characters of the longest tolerance: patterns take long over texts without end."""
 LARGEST_STRETCH = 5.0
 """Stretch at which the search ends if nothing is met: silicones fail at 3 to 10, and their laws are mostly fitted to less."""
 
@@ -168,9 +170,9 @@ class Tolerance:
         Raises:
             CaseError: Not of this form, an unknown parameter, or a wrong unit.
         """
-        match = re.fullmatch(r"\s*([\w-]+)\s*=\s*(.+?)\s*(?:\+/?-|±)\s*(.+?)\s*", text)
-        if match is None:
-            raise CaseError(f"--vary {text!r} is not of the form membrane=2mm+-0.2mm")
+        match = len(text) < LONGEST_TEXT and re.fullmatch(r"\s*([\w-]+)\s*=\s*(.+?)\s*(?:\+/?-|±)\s*(.+?)\s*", text)
+        if not match:
+            raise CaseError(f"--vary {brief(text)} is not of the form membrane=2mm+-0.2mm")
         name, middle, half = match[1].replace("-", "_"), match[2], match[3]
         fields = {f.name: f.metadata for f in dataclasses.fields(device) if not f.metadata.keys() & {"choices", "kind"}}
         known = {name: (meta["unit"], bool(meta.get("signed"))) for name, meta in fields.items()}

@@ -7,13 +7,17 @@ import re
 import pytest
 from click.testing import CliRunner
 
+from geometries import HollowDisk
 from geometries.errors import GeometryError
 from geometries.selections import faces, point
 from measurement.__main__ import main as measure
+from measurement.setup import SetupError
+from measurement.setup_texts import per_metre
 from softmodels.__main__ import softmodels
 from softmodels.case import Case, CaseError
 from softmodels.disk import command as disk
 from softmodels.height_fit import read_heights
+from softmodels.limits import Tolerance
 from softmodels.outline_data import OutlineFitError
 from softmodels.seminar import command as seminar
 
@@ -126,3 +130,14 @@ def test_heights_of_a_german_sheet(tmp_path):
     path.write_text("file;pressure_Pa;height_m\na;100;0.001\nb;200,5;0,002\n")
     with pytest.raises(OutlineFitError, match=r"line 3: .*'200,5' has a decimal comma"):
         read_heights(path)
+
+
+def test_texts_without_end_are_refused():
+    """The patterns of these texts would take minutes over them."""
+    with pytest.raises(SetupError, match=r"\(\d+ characters\)|is no scale"):
+        per_metre(" " * 3000 + "x")
+    with pytest.raises(CaseError, match="3002 characters"):
+        Tolerance.parse("a=" + " " * 3000, HollowDisk)
+    for read in (faces, point):
+        with pytest.raises(GeometryError, match="has 3002 characters"):
+            read("support", "at" + " " * 3000)
