@@ -155,7 +155,7 @@ def compared(folder: Path, truth: Truth) -> tuple[list[str], bool]:
 
 
 @click.command()
-@click.option("-o", "--output", type=FolderType(), help="Folder for all of it.  [default: demo; demo-2 and so on where that "
+@click.option("-o", "--output", type=FolderType(), help="Folder for all of it.  [default: loop; loop-2 and so on where that "
               "is taken]")  # fmt: skip
 @click.option("--megapixels", type=click.FloatRange(1.0, 50.0), default=18.0, show_default=True,
               help="Size of the photographs; 18 is the thesis' camera.")  # fmt: skip
@@ -174,7 +174,7 @@ def demo(output: Path | None, megapixels: float) -> None:
     if comm.size > 1:
         fail("the demonstration runs on one process")
     try:
-        place = open_place(output, Path("demo"), "demonstration of the whole loop", WRITTEN)
+        place = open_place(output, Path("loop"), "demonstration of the whole loop", WRITTEN)
         write_case(place, TRUTH)
         click.echo("simulating the true device")
         _, halves = inflated(TRUTH, comm)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import re
 import shlex
@@ -14,9 +15,11 @@ import pytest
 
 from geometries import HollowDisk
 from geometries.__main__ import main as geometries
+from measurement import commands_photos
 from measurement.__main__ import main as measurement
+from measurement.own_folder import OwnFolderError
 from measurement.synthetic import dome
-from softmodels import disk, examples, seminar
+from softmodels import demo, disk, examples, seminar
 from softmodels.__main__ import softmodels
 from softmodels.case import Case
 from softmodels.homogeneous import nominal_stress
@@ -101,6 +104,21 @@ def test_a_command_that_names_a_missing_file_is_noticed(written, tmp_path):
         _check_files(["softmodels", "run", "mypart.toml"], tmp_path, set())
     with pytest.raises(click.ClickException):
         _parse(["softmodels", "fit", "--no-such-option"], "")
+
+
+def test_the_two_demonstrations_take_folders_of_their_own(monkeypatch, capsys):
+    taken = []
+
+    def refuse(output, default, *_):
+        taken.append(default)
+        raise OwnFolderError("noted")
+
+    for module in (demo, commands_photos):
+        monkeypatch.setattr(module, "open_place", refuse)
+        with contextlib.suppress(SystemExit, click.ClickException):
+            module.demo.main([], standalone_mode=False)
+    assert len(taken) == len(set(taken)) == 2
+    assert f"{taken[0]}/" in README.read_text() and f"{taken[1]}/outlines" in README.read_text()
 
 
 def test_the_cases_are_cases_and_the_part_has_its_cavities(written):
