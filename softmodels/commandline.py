@@ -119,7 +119,8 @@ def device_command(
     made = click.option("--contact", metavar="FACES", help="Faces that a rigid plane without friction stops, such as top; its "
                         "force is in path.csv.")(made)  # fmt: skip
     made = click.option("--sheet-stiffness", metavar="STIFFNESS",
-                        help="Young's modulus times thickness of the sheet, such as 50kN/m.")(made)  # fmt: skip
+                        help="Young's modulus times thickness of the sheet, such as 50kN/m: on silicone that hardly "
+                        "stretches.")(made)  # fmt: skip
     made = click.option("--sheet", metavar="FACE",
                         help=f"Bond a thin sheet to a face of the device: {', '.join(device.faces)}.")(made)  # fmt: skip
     text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"

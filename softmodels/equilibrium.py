@@ -24,6 +24,7 @@ FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance
 ROUNDING = 1000.0  # tolerances at which a residual that falls no further is taken for rounding
 MOST_ITERATIONS = 15
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
+TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
 TANGENT_TOLERANCE = 1e-5
 WORN = 25  # GMRES iterations in one solve after which the kept factorisation is replaced at once
 STALE = 60  # GMRES iterations in all after which the next state gets a factorisation of its own
@@ -72,6 +73,8 @@ class Equilibrium(Discrete):
         super().__init__(body, material, formulation, sheet, obstacle)
         self.base: State | None = None
         self.worn = False
+        self._iterate = np.empty(0)
+        self._since: npt.NDArray[np.float64] | None = None
         self.system = Bordered(self.K, self._multiply)
         self.snes: Any = None
         self.anchor: Any = None
@@ -153,6 +156,7 @@ class Equilibrium(Discrete):
 
     def _jacobian(self, snes: Any, x: Any, J: Any, P: Any) -> None:
         self._take(x)
+        self._foresee_stress()
         if self.system.factorisations == 0 or self.worn:
             self._assemble_tangent()
             self.system.factorise()
@@ -160,6 +164,18 @@ class Equilibrium(Discrete):
         else:
             self.system.refresh()
         J.assemble()
+
+    def _foresee_stress(self) -> None:
+        """A sheet's stress at this iterate as the one before foretold it; at the first, that of the state solved before."""
+        if self.sheet is None:
+            return
+        here = self.w.x.array.copy()
+        if self.snes.getIterationNumber():
+            self.foresee(self._iterate)
+        else:
+            self._known.x.array[:] = here if self._since is None else self._since[: self.dofs]
+            self._move.x.array[:] = 0.0
+        self._iterate = here
 
     def _make_solver(self) -> None:
         from petsc4py import PETSc
@@ -220,21 +236,39 @@ class Equilibrium(Discrete):
             return reasons.CONVERGED_FNORM_ABS
         if iteration >= MOST_ITERATIONS:
             return reasons.DIVERGED_MAX_IT
-        if iteration >= 3 and residual > 1e3 * self._first:
+        if iteration >= 3 and residual > 1e3 * max(1.0, float(self._stiffness.value)) * self._first:
             return reasons.DIVERGED_DTOL
         # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
-        forcing = LOOSEST if iteration == 0 else min(LOOSEST, (residual / self._before) ** 2)
-        snes.getKSP().setTolerances(rtol=min(max(forcing, 0.3 * tolerance / residual), LOOSEST))
+        loosest = self._loosest()
+        forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
+        snes.getKSP().setTolerances(rtol=min(max(forcing, 0.3 * tolerance / residual), loosest))
         self._before = residual
         return reasons.ITERATING
 
-    def solve(self, control: Curve, w: npt.NDArray[np.float64], P: float) -> State:
+    def _loosest(self) -> float:
+        """Tolerance of the first linear solves.
+
+        The forces of a stiff sheet make up the residual: a loose solve would see to them and leave the silicone as it is.
+        """
+        if self.sheet is None:
+            return LOOSEST
+        return max(TIGHTEST, LOOSEST / max(1.0, float(self._stiffness.value)))
+
+    def solve(
+        self, control: Curve, w: npt.NDArray[np.float64], P: float, since: npt.NDArray[np.float64] | None = None
+    ) -> State:
         """Find the state on the control's curve, starting from the guess (w, P).
+
+        Args:
+            control: The curve.
+            w: Guess of the dofs, shape as `State.w`.
+            P: Guess of the pressure.
+            since: Dofs of the state solved before, whose stress a sheet starts with in Newton's matrix; the guess's if None.
 
         Raises:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
-        self.control = control
+        self.control, self._since = control, since
         self.system.join(self._x, w[: self.n], [P, *w[self.dofs :]])
         self.snes.solve(None, self._x)
         reason = self.snes.getConvergedReason()

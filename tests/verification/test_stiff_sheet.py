@@ -1,0 +1,74 @@
+"""Sheets far stiffer than the silicone: Newton's method goes on as with soft ones, and the states have a limit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.discrete import State
+from softmodels.equilibrium import Equilibrium
+from softmodels.loading import Path, trace
+from softmodels.materials import NeoHookean
+from softmodels.sheet import Sheet
+
+COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
+DISK = HollowDisk.variant("shadow", section="axisymmetric", **COARSE)
+STIFFNESSES = (50e3, 400e3, 4e6)
+PRESSURE = 9.8e3  # Pa: 1 m of water, where the disk without a sheet rises by 24 mm and the stiffest leaves 1 mm
+
+
+@pytest.fixture(scope="module")
+def sheeted(body_of):
+    """Return a function that gives a disk with a sheet of a stiffness in N/m on its top."""
+    return lambda stiffness: Equilibrium(body_of(DISK), NeoHookean(30e3, 0.49), sheet=Sheet("top", stiffness))
+
+
+@pytest.fixture(scope="module")
+def paths(sheeted):
+    """By stiffness: cavity volume at `PRESSURE`, Newton iterations of all states, and what the path reported."""
+    found = {}
+    for stiffness in STIFFNESSES:
+        equations, reports = sheeted(stiffness), []
+        path = Path(equations)
+        path.report = reports.append
+        points = list(trace(path, [PRESSURE / equations.stress_unit]))
+        found[stiffness] = points[-1].state.V, sum(point.state.iterations for point in points), reports
+    return found
+
+
+def test_the_states_have_a_limit(paths):
+    """Each stiffer sheet leaves less volume, and changes less than the one before."""
+    change = np.diff([paths[stiffness][0] for stiffness in STIFFNESSES])
+    assert (change < 0.0).all() and abs(change[1]) < abs(change[0])
+
+
+@pytest.mark.parametrize(("stiffness", "most"), zip(STIFFNESSES, (65, 85, 160), strict=True))
+def test_no_step_fails_and_newton_is_quick(paths, stiffness, most):
+    """54, 63 and 114 iterations; with the stress of each iterate in Newton's matrix 78, 107, and 236 after a failed step."""
+    _, iterations, reports = paths[stiffness]
+    assert iterations <= most
+    assert not any("failed" in report for report in reports)
+
+
+def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted):
+    """Newton's iterates have a foreseen stress in theirs; the tangent, stability and modes of a state must not."""
+    equations = sheeted(4e6)
+    rng = np.random.default_rng(3)
+    w, x = 1e-4 * rng.standard_normal(equations.dofs), rng.standard_normal(equations.dofs)
+    for bc in equations.bcs:
+        bc.set(x, alpha=0.0)
+        bc.set(w, alpha=0.0)
+
+    def force(step):
+        equations.load(State(w + step * x, 0.0, 1.0))
+        return equations._assemble(equations._inner).copy()
+
+    h = 1e-7
+    slope = (force(h) - force(-h)) / (2 * h)
+    equations.load(State(w, 0.0, 1.0))
+    product = np.zeros(equations.n)
+    equations._multiply(x[: equations.n], product)
+    for bc in equations.bcs:
+        product[bc.dof_indices()[0]] = 0.0
+    assert np.abs(product - slope).max() < 1e-4 * np.abs(slope).max()
