@@ -33,8 +33,9 @@ from softmodels.parallel import on_root, speaks, start
 from softmodels.progress import Progress
 from softmodels.soundness import NOTHING
 from softmodels.tensile import TensileCurve, TensileError
-from softmodels.tensile_fit import StressError, fit_law, largest_strain, on_yardstick, residuals_of, spread
+from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of, spread
 from softmodels.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
+from softmodels.yardstick import on_yardstick
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})

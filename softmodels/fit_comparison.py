@@ -10,6 +10,7 @@ import numpy as np
 
 from softmodels.fit_problem import loss_of
 from softmodels.fit_result import Fit
+from softmodels.law_choice import ALL
 
 UNDECIDED = 2.0
 """Laws whose criteria differ by less than this are equally good (Burnham & Anderson 2002, section 2.6)."""
@@ -49,7 +50,8 @@ class Comparison:
 
     Attributes:
         ranked: Best first.
-        preferred: The fit to take: the best, or the simplest of those that the data do not tell from it.
+        preferred: The fit to take: the best, or the simplest of those that the data do not tell from it; of equally simple
+            ones the first in the order of `softmodels.law_choice.ALL`.
         sentence: Why.
     """
 
@@ -63,10 +65,15 @@ def compare(fits: Sequence[Fit], judged: Sequence[Fit] | None = None) -> Compari
 
     QAICc divides the misfit by the variance that remains in the closest fit (Burnham & Anderson 2002, Model Selection and
     Multimodel Inference, section 2.5). What the misfit is counted in decides, so measured curves are judged on one yardstick,
-    whatever errors they are fitted with: `tensile_fit.on_yardstick` fits each law again with what a test can tell, a share of
-    the stress, and each curve counts as `CURVE_VALUES` values, however densely it is sampled. A further parameter then pays
-    where it takes a tenth off the mean square misfit, or off what a test can tell where the misfit is below that. A simpler
-    law is preferred only where its misfit is less than `EQUAL` times the closest law's.
+    whatever errors they are fitted with: `yardstick.on_yardstick` fits each law again at the same stretches for every
+    sampling, with what a test can tell, a share of the stress, as its error. Each curve counts as `CURVE_VALUES` values,
+    however densely it is sampled. A further parameter then pays where it takes a tenth off the mean square misfit, or off
+    what a test can tell where the misfit is below that. A simpler law is preferred only where its misfit on that yardstick is
+    less than `EQUAL` times the closest law's.
+
+    Which of two indistinguishable laws is ahead may change with the noise of a few readings. So it does not count: the one
+    with fewer parameters is preferred, and of two with the same number the one that comes first in a fixed order.
+
     Other fits count as many values as they have independent residuals, their runs of like sign taken together.
 
     A law whose root mean square misfit is `MOST_RATIO` times another's is never preferred. The BIC is formed likewise.
@@ -81,7 +88,7 @@ def compare(fits: Sequence[Fit], judged: Sequence[Fit] | None = None) -> Compari
     _check(fits)
     misfits, values = _on_curves(judged) if judged else _on_residuals(fits)
     ratios = _ratios(fits)
-    even = [ratio <= EQUAL for ratio in _ratios(judged)] if judged else [True] * len(fits)
+    even = _equal(judged) if judged else [True] * len(fits)
     made = []
     for fit, misfit, ratio, equal in zip(fits, misfits, ratios, even, strict=True):
         m = len(fit.free) + 1
@@ -104,10 +111,21 @@ def _check(fits: Sequence[Fit]) -> None:
 
 def _on_curves(judged: Sequence[Fit]) -> tuple[list[float], float]:
     """Misfit of each law in what remains of the closest one's, and how many values there are."""
-    sums = [CURVE_VALUES * sum(_means(fit).values()) for fit in judged]
+    sums = _mean_squares(judged)
     values = CURVE_VALUES * len(judged[0].summaries)
-    worth = max(min(sums) / values, 1.0)
-    return [one / worth for one in sums], values
+    worth = max(min(sums), 1.0)
+    return [values * one / worth for one in sums], values
+
+
+def _equal(judged: Sequence[Fit]) -> list[bool]:
+    """Whether each law's misfit on the yardstick equals the closest one's within the error."""
+    sums = _mean_squares(judged)
+    return [one <= EQUAL**2 * max(min(sums), SAME**2) for one in sums]
+
+
+def _mean_squares(judged: Sequence[Fit]) -> list[float]:
+    """Mean square misfit of each law in units of the yardstick, every curve counting the same."""
+    return [sum(_means(fit).values()) / len(fit.summaries) for fit in judged]
 
 
 def _means(fit: Fit) -> dict[str, float]:
@@ -149,6 +167,11 @@ def _ratios(fits: Sequence[Fit]) -> list[float]:
     return [math.sqrt(max(one / smallest, 1.0)) for one in sums]
 
 
+def _simplicity(fit: Fit) -> tuple[int, int, str]:
+    """Fewest free parameters first, then the order of `ALL`: nothing that the noise of a few readings can turn."""
+    return len(fit.free), ALL.index(fit.label) if fit.label in ALL else len(ALL), fit.label
+
+
 def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:
     best = ranked[0].fit
     first = best.label
@@ -156,9 +179,11 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:
         return best, f"{first} is the only law fitted, so nothing says whether another would do better"
     rivals = [one for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged and one.near]
     if rivals:
-        simplest = min((ranked[0], *rivals), key=lambda one: len(one.fit.free)).fit
+        simplest, *more = sorted((ranked[0].fit, *(one.fit for one in rivals)), key=_simplicity)
         others = ", ".join(one.fit.label for one in rivals)
-        return simplest, f"the data do not decide between {first} and {others}; take {simplest.label}, the simplest"
+        alike = [one.label for one in more if len(one.free) == len(simplest.free)]
+        why = f", as simple as {' and '.join(alike)} and before it in the order of laws" if alike else ", the simplest"
+        return simplest, f"{first} and {others} cannot be told apart by these data; take {simplest.label}{why}"
     second = ranked[1]
     times = f"a misfit {second.ratio / ranked[0].ratio:.3g} times as large"
     if not second.near or second.aicc < UNDECIDED:

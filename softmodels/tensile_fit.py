@@ -24,8 +24,6 @@ RELATIVE = 0.02
 """Share of the stress that a test is off by if nobody says: cross-section, load cell, crosshead strain."""
 LEAST_ABSOLUTE = 0.003
 """Least absolute error, as a share of the largest stress: a load cell's resolution."""
-TELLS, RESOLVES = 0.01, 0.005
-"""What a tensile test can tell of a law: this share of the stress, and this share of the largest stress."""
 DENSE = 30
 """From this many points on, the noise of a curve can be told from its bend."""
 
@@ -225,23 +223,6 @@ def fit_law(
     if not fits:
         raise FitError(f"{choice.name}: {trouble}")
     return min(fits, key=lambda one: (not one.converged, one.deviance))
-
-
-def on_yardstick(fitted: Fit, sources: Sequence[TensileResiduals]) -> Fit:
-    """A law fitted anew with what a tensile test can tell as its errors, whatever errors it was fitted with before.
-
-    Laws are compared by these fits, so that the choice of errors does not choose the law. Nor does the sampling: what one
-    reading cannot tell counts as not told, however many readings there are. Bounds, priors and fixed values stay.
-    """
-    even = [dataclasses.replace(s, errors=_told(s.curve)) for s in sources]
-    loss, label = fitted.loss, fitted.label
-    return fit(even, fitted.parameters, loss=loss, starts=[fitted.values], errors="stated", label=label)
-
-
-def _told(curve: TensileCurve) -> Array:
-    """What a test can tell in Pa at each point of a curve, shape (n,)."""
-    least = max(RESOLVES * float(np.abs(curve.stress).max()), noise(curve))
-    return np.hypot(TELLS * curve.stress, least)
 
 
 def spread(fit: Fit) -> float:

@@ -56,6 +56,12 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
     )
 
 
+def averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array]:
+    """Mean stretch and mean stress in Pa of each of ``steps`` equal steps of stretch that has a reading."""
+    stretch, stress, _ = _averaged(curve, steps)
+    return stretch, stress
+
+
 def _averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArray[np.int64]]:
     """Mean stretch, mean stress and number of readings of every step that has any."""
     edges = np.linspace(curve.stretch[0], curve.stretch[-1], steps + 1)

@@ -1,47 +1,54 @@
 """The choice of a law on every measured curve, sampled three ways and weighted three ways: is the verdict the same?
 
 Each curve's smooth course is written with 37,512 readings, each with the noise that the curve has, and with 375 and 93 of
-them, and fitted with all laws by the command ``fit`` under three models of the stress error. A verdict that changes with
-sampling or weighting is a fault, and so is a preferred law whose misfit is three times another's. Treloar's and Meunier's
-three tests are fitted jointly as they are.
+them, and fitted as the command ``fit`` does under three models of the stress error. A verdict that changes with sampling or
+weighting is a fault, and so is a preferred law whose misfit is three times another's. The published tests on rubber are
+judged one by one and all three jointly.
 
-    uv run python tests/benchmarks/law_choice.py                          # half an hour on one core
+    uv run python tests/benchmarks/law_choice.py                          # five laws: two minutes on one core
+    uv run python tests/benchmarks/law_choice.py --laws all --jobs 2      # with Ogden's of two and three terms: half an hour
     uv run python tests/benchmarks/law_choice.py --only Ecoflex --range 1.02:3
 
-Exit status 1 if any case is at fault: a verdict close to its border may turn with the noise of 93 readings.
+``--laws`` leaves out Ogden's laws of two and three terms unless told: their fits take twenty times as long as the others.
+Exit status 1 if any case is at fault: a verdict close to its border may turn with the noise of the readings. Found with five
+laws: one of 48 cases, Liao's digitised curve of Ecoflex 00-30 from stretch 1.02 to 3, whose mean square misfits of Gent's and
+Yeoh's laws are 1.61 to 1.71 times apart, about the 1.69 that count as equal. The preferred law's rms is at most 1.76 times the
+least.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
-import io
-import json
+import dataclasses
 import sys
-import tempfile
 import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from softmodels.fit_command import fit_material
+from softmodels.fit_command import law_choices
+from softmodels.fit_comparison import compare
 from softmodels.tensile import TensileCurve, TensileError, read_curve
-from softmodels.tensile_fit import noise
+from softmodels.tensile_fit import StressError, fit_law, noise, residuals_of
 from softmodels.thinning import thinned
+from softmodels.yardstick import on_yardstick
 
 DATA = next(
     (found for folder in Path(__file__).resolve().parents if (found := folder / "shared" / "data").is_dir()),
     Path("none"),
 )
-"""The measured curves, in a folder ``shared`` beside the project or above it."""
+"""The measured curves, in a folder ``shared`` beside the project or above it; ``--data`` names another."""
 READINGS = (37512, 375, 93)
 ERRORS = ("auto", "constant", "2%+0.5kPa")
 RANGES = ("", "1.02:3")
-LAWS = "neo-hookean,mooney-rivlin,yeoh,ogden1,ogden2,ogden3,gent"
+LAWS = "neo-hookean,mooney-rivlin,yeoh,ogden1,gent"
 MOST = 3.0
 SMOOTH = 30
 """Steps of stretch whose averages a smooth course goes through."""
+TESTS = {"UT": "uniaxial", "PS": "planar", "ET": "equibiaxial"}
 
 
 def raw(curve: TensileCurve) -> tuple[np.ndarray, np.ndarray]:
@@ -54,93 +61,98 @@ def raw(curve: TensileCurve) -> tuple[np.ndarray, np.ndarray]:
     return stretch, course(stretch) + np.random.default_rng(0).normal(0.0, size, READINGS[0])
 
 
-def write(stretch: np.ndarray, stress: np.ndarray, count: int, path: Path) -> None:
-    """Write ``count`` of the readings, equally far from each other."""
+def sampled(curve: TensileCurve, count: int) -> TensileCurve:
+    """``count`` of the readings of `raw`, equally far from each other, thinned as the command does."""
+    stretch, stress = raw(curve)
     kept = np.linspace(0, len(stretch) - 1, count).astype(int)
-    rows = [f"{a:.9g},{b:.9g}" for a, b in zip(stretch[kept], stress[kept], strict=True)]
-    path.write_text("\n".join(["stretch,stress (Pa)", *rows]) + "\n")
+    return thinned(dataclasses.replace(curve, stretch=stretch[kept], stress=stress[kept]))
 
 
-def verdict(tests: list[str], error: str, laws: str, folder: Path) -> tuple[str, float, float]:
-    """The chosen law, its misfit over the least of all laws' (rms, each test counting the same), and the seconds it took."""
-    folder = Path(tempfile.mkdtemp(dir=folder))  # of its own: no verdict may be an earlier fit's
-    words = [word for test in tests for word in ("--tensile", test)]
-    words += [
-        "--material",
-        laws,
-        "--stress-error",
-        error,
-        "--no-profiles",
-        "--no-pictures",
-        "--quiet",
-        "-o",
-        str(folder),
-    ]
-    started = time.monotonic()
-    with contextlib.suppress(SystemExit), contextlib.redirect_stderr(io.StringIO()):
-        fit_material.main(words, standalone_mode=True)
-    seconds = time.monotonic() - started
-    told = json.loads((folder / "fit.json").read_text())
-    misfit = {law["law"]: [group["rms"] for group in law["residuals"].values()] for law in told["laws"]}
+def verdict(curves: Sequence[TensileCurve], error: str, laws: str) -> tuple[str, float]:
+    """The chosen law, and its misfit over the least of all laws' (rms, each test counting the same)."""
+    stated = StressError.from_text(error)
+    fits, judged = [], []
+    for choice in law_choices(laws, 0.5):
+        sources, _ = residuals_of(curves, choice, stated, level=True)
+        fits.append(fit_law(choice, sources, errors="stated" if stated.stated else "unknown"))
+        judged.append(on_yardstick(fits[-1], residuals_of(curves, choice, stated)[0]))
+    preferred = compare(fits, judged).preferred.label
+    misfit = {fit.label: [group.rms for group in fit.summaries.values()] for fit in fits}
     least = np.min(list(misfit.values()), axis=0)
     size = {law: float(np.sqrt(np.mean((np.array(rms) / least) ** 2))) for law, rms in misfit.items()}
-    return told["preferred"], size[told["preferred"]] / min(size.values()), seconds
+    return preferred, size[preferred] / min(size.values())
 
 
-def one(label: str, many: list[tuple[str, list[str]]], laws: str, folder: Path) -> bool:
-    """Judge one curve, or joint tests, in all ways; print a line. Returns whether it is at fault."""
-    found = {(name, error): verdict(tests, error, laws, folder) for name, tests in many for error in ERRORS}
-    laws_found = {law for law, _, _ in found.values()}
-    worst = max(ratio for _, ratio, _ in found.values())
-    slowest = max(seconds for _, _, seconds in found.values())
-    fault = len(laws_found) > 1 or worst >= MOST
-    print(
-        f"{'FAULT' if fault else 'ok   '} {label:40s} {'/'.join(sorted(laws_found)):24s} misfit at most {worst:.2f} times the "
-        f"least, {slowest:.1f} s"
+def one(case: tuple[str, Sequence[TensileCurve], str]) -> tuple[bool, float, str]:
+    """Judge one curve, or joint tests, in all ways: whether it is at fault, its largest ratio, and a line of the table."""
+    label, curves, laws = case
+    started = time.process_time()
+    found = {}
+    for count in READINGS:
+        thin = [sampled(curve, count) for curve in curves]
+        for error in ERRORS:
+            found[count, error] = verdict(thin, error, laws)
+    chosen = {law for law, _ in found.values()}
+    worst = max(ratio for _, ratio in found.values())
+    fault = len(chosen) > 1 or worst >= MOST
+    line = (
+        f"{'FAULT' if fault else 'ok   '} {label:48s} {'/'.join(sorted(chosen)):24s} {worst:5.2f}  "
+        f"{time.process_time() - started:5.1f} s"
     )
-    if len(laws_found) > 1:
-        print("      " + "; ".join(f"{n} {e}: {v[0]}" for (n, e), v in found.items()))
-    sys.stdout.flush()
-    return fault
+    if len(chosen) > 1:
+        line += "\n      " + "; ".join(f"{n} {e}: {law}" for (n, e), (law, _) in found.items())
+    return fault, worst, line
+
+
+def cases(data: Path, only: str, ranges: Sequence[str], laws: str) -> list[tuple[str, Sequence[TensileCurve], str]]:
+    """Every curve in every range, and the tests on rubber one by one and jointly."""
+    made: list[tuple[str, Sequence[TensileCurve], str]] = []
+    for file in [
+        *sorted((data / "silicone_tensile").glob("*.csv")),
+        *sorted((data / "ecoflex_uniaxial").glob("*.csv")),
+    ]:
+        if only not in file.name:
+            continue
+        for text in ranges:
+            try:
+                curve = read_curve(file)
+                made.append(
+                    (f"{file.stem} {text}", [curve.within(*map(float, text.split(":"))) if text else curve], laws)
+                )
+            except TensileError as error:
+                print(f"      {file.stem} {text}: {error}")
+    for rubber in ("Treloar_1944", "Meunier_2008"):
+        if only in rubber and all((data / "rubber" / f"{rubber}_{key}.csv").is_file() for key in TESTS):
+            tests = [read_curve(data / "rubber" / f"{rubber}_{key}.csv", mode) for key, mode in TESTS.items()]
+            made += [(f"{rubber} {test.mode}", [test], laws) for test in tests]
+            made.append((f"{rubber}, three tests jointly", tests, laws))
+    return made
 
 
 def main() -> int:
-    options = argparse.ArgumentParser(description=__doc__)
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--data", type=Path, default=DATA, help="folder of the measured curves")
     options.add_argument("--only", default="", help="curves whose name has this in it")
     options.add_argument("--range", dest="ranges", action="append", help="stretches, such as 1.02:3; empty for all")
-    options.add_argument("--laws", default=LAWS)
+    options.add_argument("--laws", default=LAWS, help="laws by name, or all")
+    options.add_argument("--jobs", type=int, default=1, help="processes")
     told = options.parse_args()
-    files = [*sorted((DATA / "silicone_tensile").glob("*.csv")), *sorted((DATA / "ecoflex_uniaxial").glob("*.csv"))]
-    if not files:
-        print("there are no measured curves: no folder shared/data beside the project")
+    todo = cases(told.data, told.only, told.ranges or RANGES, told.laws)
+    if not todo:
+        print(f"there are no measured curves in {told.data}; --data names their folder")
         return 2
-    faults = count = 0
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        for file in files:
-            for text in told.ranges or RANGES:
-                if told.only not in file.name:
-                    continue
-                try:
-                    curve = read_curve(file)
-                    curve = curve.within(*map(float, text.split(":"))) if text else curve
-                except TensileError as error:
-                    print(f"      {file.stem}: {error}")
-                    continue
-                many = []
-                readings_of = raw(curve)
-                for readings in READINGS:
-                    path = folder / f"{file.stem}-{readings}.csv"
-                    write(*readings_of, readings, path)
-                    many.append((str(readings), [str(path)]))
-                count += 1
-                faults += one(f"{file.stem} {text}", many, told.laws, folder)
-        for rubber in ("Treloar_1944", "Meunier_2008"):
-            if told.only in rubber:
-                tests = [f"{DATA}/rubber/{rubber}_{key}.csv:{key}" for key in ("UT", "PS", "ET")]
-                count += 1
-                faults += one(f"{rubber}, three tests", [("as it is", tests)], told.laws, folder)
-    print(f"{faults} of {count} at fault")
+    print(
+        "      curve, range of stretch; preferred law; its largest rms over the least rms; CPU time of 9 verdicts",
+        flush=True,
+    )
+    results = []
+    with ProcessPoolExecutor(told.jobs) as pool:
+        for result in pool.map(one, todo):
+            results.append(result)
+            print(result[2], flush=True)
+    faults = sum(fault for fault, _, _ in results)
+    worst = max(ratio for _, ratio, _ in results)
+    print(f"{faults} of {len(results)} at fault; the preferred law's rms is at most {worst:.2f} times the least")
     return 1 if faults else 0
 
 

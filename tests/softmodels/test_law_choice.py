@@ -10,11 +10,12 @@ import pytest
 from softmodels.contradiction import contradictions
 from softmodels.fit_comparison import MOST_RATIO, compare
 from softmodels.law_choice import LawChoice
-from softmodels.materials import NeoHookean, Yeoh
+from softmodels.materials import Gent, NeoHookean, Yeoh
 from softmodels.specimens import respond
 from softmodels.tensile import TensileCurve, read_curve
-from softmodels.tensile_fit import StressError, fit_law, on_yardstick, residuals_of
+from softmodels.tensile_fit import StressError, fit_law, residuals_of
 from softmodels.thinning import MOST_POINTS, thinned
+from softmodels.yardstick import STEPS, evened, on_yardstick
 
 READINGS = (37512, 375, 93)
 ERRORS = ("auto", "constant", "2%+0.5kPa")
@@ -67,10 +68,18 @@ def test_one_verdict_for_every_sampling_and_weighting(noise):
     assert len(set(found.values())) == 1 and "neo-hookean" not in found.values(), found
 
 
-@pytest.mark.parametrize("stretches", [(1.02, 3.0), (1.0, 20.0)])
-def test_the_same_on_a_measured_curve(shared_data, stretches):
-    curve = read_curve(shared_data("silicone_tensile") / "Ecoflex_00-30.csv").within(*stretches)
-    found = judged_all_ways(curve, 1e-3)
+@pytest.mark.parametrize(
+    ("name", "stretches", "noise"),
+    [
+        ("Ecoflex_00-30", (1.02, 3.0), 1e-3),
+        ("Ecoflex_00-30", (1.0, 20.0), 1e-3),
+        # Gent's and Ogden's laws are as simple here and nearly as close.
+        ("Ecoflex_00-10", (1.02, 3.0), 5e-3),
+    ],
+)
+def test_the_same_on_a_measured_curve(shared_data, name, stretches, noise):
+    curve = read_curve(shared_data("silicone_tensile") / f"{name}.csv").within(*stretches)
+    found = judged_all_ways(curve, noise, (*LAWS, "ogden1"))
     assert len(set(found.values())) == 1 and "neo-hookean" not in found.values(), found
 
 
@@ -88,6 +97,37 @@ def test_a_simpler_law_wins_only_where_misfits_are_equal():
         law, rms, comparison = chosen([slight], error, ("neo-hookean", "yeoh"))
         assert rms["neo-hookean"] > MOST_RATIO * rms["yeoh"] and law == "yeoh", comparison.sentence
         assert "times as large" in comparison.sentence
+
+
+def test_laws_that_cannot_be_told_apart_are_named_and_taken_in_a_fixed_order():
+    """Gent's law far from its limit bends as Ogden's of one term does; whoever is listed or ahead first, one is taken."""
+    stretch = np.linspace(1.02, 2.0, 90)
+    noise = np.random.default_rng(5).normal(0.0, 200.0, stretch.size)
+    curve = TensileCurve("strip", "uniaxial", stretch, respond(Gent(20e3, 30.0, 0.5), stretch).stress + noise)
+    for laws in (("ogden1", "gent"), ("gent", "ogden1")):
+        law, rms, comparison = chosen([curve], "auto", laws)
+        assert max(rms.values()) < 1.2 * min(rms.values())
+        assert law == "ogden1" and "cannot be told apart" in comparison.sentence, comparison.sentence
+        assert "as simple as gent" in comparison.sentence
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+def test_every_sampling_is_judged_at_the_same_stretches(noise):
+    """Dense, thinned and sparse readings of one pull, and readings crowded near the start, give nearly equal values."""
+    curve = strip()
+    top = float(curve.stress.max())
+    dense, thin, sparse = (evened(thinned(sampled(curve, count, noise * top))) for count in READINGS)
+    crowded = np.unique(np.concatenate([np.linspace(1.02, 1.1, 300), np.linspace(1.02, 3.0, 90)]))
+    uneven = evened(
+        thinned(dataclasses.replace(curve, stretch=crowded, stress=np.interp(crowded, curve.stretch, curve.stress)))
+    )
+    for other in (thin, sparse, uneven):
+        assert len(other.stretch) == len(dense.stretch) == STEPS
+        assert np.abs(other.stretch - dense.stretch).max() < 0.5 * 1.98 / STEPS
+        at = np.interp(other.stretch, dense.stretch, dense.stress)
+        assert np.abs(other.stress - at)[1:-1].max() < (2e-3 + 2 * noise) * top
+    few = sampled(curve, STEPS)
+    assert evened(few) is few
 
 
 def test_thinning_keeps_the_curve_and_says_how():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
+from softmodels.fit_comparison import compare
 from softmodels.fit_problem import CannotEvaluate, Prior
 from softmodels.height_fit import Height, HeightResiduals, check_heights, fit_heights
 from softmodels.law_choice import LawChoice
@@ -155,6 +156,8 @@ def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation):
     assert per["simulated 5"] == max(per[shape.source] for shape in source.shapes)
     assert fits_badly(*misfits(source, bad.residuals)["simulated 5"])
     assert bad.deviance > good.deviance + 50.0
+    ranking = compare([dataclasses.replace(one, label=law) for one, law in ((bad, "neo-hookean"), (good, "yeoh"))])
+    assert ranking.preferred.label == "yeoh" and ranking.ranked[1].aicc == pytest.approx(401.3, rel=0.05)
 
 
 def test_poisson_near_a_half_is_not_seen(inflation):
