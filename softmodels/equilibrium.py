@@ -166,14 +166,16 @@ class Equilibrium(Discrete):
         J.assemble()
 
     def _foresee_stress(self) -> None:
-        """A sheet's stress at this iterate as the one before foretold it; at the first, that of the state solved before."""
+        """Set the stress of a sheet in Newton's matrix: this iterate's own, or with `solve`'s ``since`` the foreseen one."""
         if self.sheet is None:
             return
         here = self.w.x.array.copy()
-        if self.snes.getIterationNumber():
+        if self._since is None:
+            self.foresee(here)
+        elif self.snes.getIterationNumber():
             self.foresee(self._iterate)
         else:
-            self._known.x.array[:] = here if self._since is None else self._since[: self.dofs]
+            self._known.x.array[:] = self._since[: self.dofs]
             self._move.x.array[:] = 0.0
         self._iterate = here
 
@@ -236,7 +238,7 @@ class Equilibrium(Discrete):
             return reasons.CONVERGED_FNORM_ABS
         if iteration >= MOST_ITERATIONS:
             return reasons.DIVERGED_MAX_IT
-        if iteration >= 3 and residual > 1e3 * max(1.0, float(self._stiffness.value)) * self._first:
+        if iteration >= 3 and residual > 1e3 * LOOSEST / self._loosest() * self._first:
             return reasons.DIVERGED_DTOL
         # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
         loosest = self._loosest()
@@ -246,11 +248,11 @@ class Equilibrium(Discrete):
         return reasons.ITERATING
 
     def _loosest(self) -> float:
-        """Tolerance of the first linear solves.
+        """Tolerance of the first linear solves; a tight one where a sheet's stress is foreseen.
 
         The forces of a stiff sheet make up the residual: a loose solve would see to them and leave the silicone as it is.
         """
-        if self.sheet is None:
+        if self.sheet is None or self._since is None:
             return LOOSEST
         return max(TIGHTEST, LOOSEST / max(1.0, float(self._stiffness.value)))
 
@@ -263,7 +265,8 @@ class Equilibrium(Discrete):
             control: The curve.
             w: Guess of the dofs, shape as `State.w`.
             P: Guess of the pressure.
-            since: Dofs of the state solved before, whose stress a sheet starts with in Newton's matrix; the guess's if None.
+            since: If given, a sheet's stress in Newton's matrix is the foreseen one (`Discrete.foresee`), at first that of
+                this state's dofs.
 
         Raises:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.

@@ -165,7 +165,14 @@ class Path:
         Past a bifurcation there are several. One with much more or less of the mode than foretold lies on another branch.
         """
         w, P = predict(around, line)
-        state = self.equilibrium.solve(line, w, P, around[-1].state.w)
+        try:
+            state = self.equilibrium.solve(line, w, P)
+        except NoConvergence:
+            if self.equilibrium.sheet is None:
+                raise
+            state = self.equilibrium.solve(
+                line, w, P, since=around[-1].state.w
+            )  # a stiff sheet may have been in the way
         for mode in self.modes:
             if abs(mode.share(state.w - w)) > ASTRAY * mode.size(w - around[-1].state.w):
                 raise NoConvergence("it jumped to another branch")

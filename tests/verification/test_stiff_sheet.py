@@ -1,4 +1,4 @@
-"""Sheets far stiffer than the silicone: Newton's method goes on as with soft ones, and the states have a limit."""
+"""Sheets far stiffer than the silicone: no step fails on the way, and the states have a limit."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def sheeted(body_of):
 
 @pytest.fixture(scope="module")
 def paths(sheeted):
-    """By stiffness: cavity volume at `PRESSURE`, Newton iterations of all states, and what the path reported."""
+    """By stiffness: cavity volume at `PRESSURE`, and what the path reported."""
     found = {}
     for stiffness in STIFFNESSES:
         equations, reports = sheeted(stiffness), []
         path = Path(equations)
         path.report = reports.append
         points = list(trace(path, [PRESSURE / equations.stress_unit]))
-        found[stiffness] = points[-1].state.V, sum(point.state.iterations for point in points), reports
+        found[stiffness] = points[-1].state.V, reports
     return found
 
 
@@ -43,16 +43,15 @@ def test_the_states_have_a_limit(paths):
     assert (change < 0.0).all() and abs(change[1]) < abs(change[0])
 
 
-@pytest.mark.parametrize(("stiffness", "most"), zip(STIFFNESSES, (65, 85, 160), strict=True))
-def test_no_step_fails_and_newton_is_quick(paths, stiffness, most):
-    """54, 63 and 114 iterations; with the stress of each iterate in Newton's matrix 78, 107, and 236 after a failed step."""
-    _, iterations, reports = paths[stiffness]
-    assert iterations <= most
+@pytest.mark.parametrize("stiffness", STIFFNESSES)
+def test_no_step_fails(paths, stiffness):
+    """With the iterate's own stress alone, one at 4 MN/m does."""
+    _, reports = paths[stiffness]
     assert not any("failed" in report for report in reports)
 
 
 def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted):
-    """Newton's iterates have a foreseen stress in theirs; the tangent, stability and modes of a state must not."""
+    """Newton's iterates may have a foreseen stress in theirs; the tangent, stability and modes of a state must not."""
     equations = sheeted(4e6)
     rng = np.random.default_rng(3)
     w, x = 1e-4 * rng.standard_normal(equations.dofs), rng.standard_normal(equations.dofs)
