@@ -53,19 +53,26 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence
 def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = ()) -> list[Figure]:
     """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
 
-    Arguments as of `rise`. One figure each, so that a narrow page puts them below each other.
+    Of a syringe also the pressure over its stroke, first. Arguments as of `rise`. One figure each, so that a narrow page
+    puts them below each other.
     """
-    wanted = [(f"{gauge}_mm", f"rise of the {gauge} in mm"), ("added_volume_ml", "added volume in ml")]
-    wanted += [(name, f"{term(name).name} in N") for name in FORCES if name in rows[0]]
+    pressure = ("pressure_cm", "pressure in cm of water")
+    wanted = [
+        (pressure, (f"{gauge}_mm", f"rise of the {gauge} in mm")),
+        (pressure, ("added_volume_ml", "added volume in ml")),
+    ]
+    wanted += [(pressure, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
+    if "stroke_ml" in rows[0]:
+        wanted.insert(0, (("stroke_ml", "stroke of the syringe in ml"), pressure))
     figures = []
-    for column, label in wanted:
+    for (over, below), (column, label) in wanted:
         figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")
         axes = figure.subplots()
-        _path(axes, rows, column, branch)
+        _path(axes, rows, column, branch, over)
         for name, colour, marker, events in _events(rows):
-            places = [[row[key] for row in events] for key in ("pressure_cm", column)]
+            places = [[row[key] for row in events] for key in (over, column)]
             axes.plot(*places, marker, color=colour, markersize=8, label=name)
-        axes.set(xlabel="pressure in cm of water", ylabel=label)
+        axes.set(xlabel=below, ylabel=label)
         axes.legend(loc="best")
         figures.append(figure)
     return figures
@@ -80,9 +87,9 @@ def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
     return [kind for kind in kinds if kind[3]]
 
 
-def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row]) -> None:
-    """Curve, steps, requested values and jumps of a path over the pressure, and the branch that leaves it."""
-    places = np.array([[row["pressure_cm"], row[column]] for row in rows])
+def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row], over: str = "pressure_cm") -> None:
+    """Curve, steps, requested values and jumps of a path over the column ``over``, and the branch that leaves it."""
+    places = np.array([[row[over], row[column]] for row in rows])
     jumps = [k for k, row in enumerate(rows) if row.get("jump")]
     held = np.ones(len(rows), dtype=bool)
     held[jumped_over(rows)] = False
@@ -101,9 +108,9 @@ def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row]) ->
         axes.plot(*np.array([start, end]).T, ":", color=WARNING, label="" if k > jumps[0] else "jump")
         way = {"arrowstyle": "-|>", "color": WARNING, "mutation_scale": 16}
         axes.annotate("", 0.45 * start + 0.55 * end, 0.55 * start + 0.45 * end, arrowprops=way)
-    if branch:
+    if branch and over in branch[0]:
         leaving = next(row for row in rows if row.get("bifurcation"))
-        aside = np.array([[row["pressure_cm"], row[column]] for row in (leaving, *branch)])
+        aside = np.array([[row[over], row[column]] for row in (leaving, *branch)])
         axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
 
 

@@ -93,8 +93,9 @@ def summary(folder: Path) -> dict[str, Any]:
 def ending(states: States, told: dict[str, Any]) -> str:
     """How the run ended, in a sentence or two; ``told`` is its `summary`."""
     row, gauge = states.rows[states.main], states.actuator.gauge
+    stroke = f"{row['stroke_ml']:.4g} ml of stroke and " if "stroke_ml" in row else ""
     reached = (
-        f"At {load(row)} the {gauge} has risen {row[f'{gauge}_mm']:.4g} mm and "
+        f"At {stroke}{load(row)} the {gauge} has risen {row[f'{gauge}_mm']:.4g} mm and "
         f"{_taker(row)} taken {row['added_volume_ml']:.4g} ml"
     )
     if "max_stretch" in row:

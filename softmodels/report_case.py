@@ -63,7 +63,7 @@ def _load(states: States) -> str:
         rows.append(("contact stiffness", f"{case.obstacle.stiffness:g}", unit))
     if case.supply is not None:
         table = supply_table.to_table(case.supply, readable)
-        rows += [(name, value, "the syringe that drives the air") for name, value in table.items() if name != "kind"]
+        rows += [(name, value, supply_table.MEANINGS[name]) for name, value in table.items() if name != "kind"]
     return _parameters("Load and solver", rows)
 
 

@@ -14,6 +14,16 @@ from softmodels.supply import AMBIENT, GASES, SupplyError, Syringe
 UNITS = {"syringe": "m^3", "dead_volume": "m^3", "ambient": "Pa"}
 
 
+MEANINGS = {
+    "syringe": "volume of the syringe, which is the largest stroke",
+    "dead_volume": "volume of tubes and T-junction",
+    "ambient": "absolute pressure around, at which everything was filled",
+    "gas": "how the gas is squeezed",
+    "leak_per_m3": "share of the gas's mass lost per m^3 of stroke",
+}
+"""What the entries of a syringe's table are."""
+
+
 def to_table(supply: Syringe, text: Callable[[float, str], str] = exact_text) -> dict[str, Any]:
     """A syringe as a TOML table; `from_table` gives back an equal one.
 

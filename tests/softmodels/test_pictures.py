@@ -13,12 +13,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from geometries import HollowDisk
-from softmodels import pictures, plots, rendering, sections, stills, triangles
+from softmodels import pictures, plots, rendering, sections, stills, supply_table, triangles
 from softmodels.cutting import cut_open
 from softmodels.pages import Scale
 from softmodels.results import Results, ResultsError
 from softmodels.skin import CUT
 from softmodels.states import States
+from softmodels.supply import Syringe
 from softmodels.views import look
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
@@ -181,6 +182,26 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
     assert shown["branch"][[0, -1]] == pytest.approx(np.array([[20, 5], [18, 9]]))
     drawn = [xy for label, xy in shown.items() if label == "simulated path" or label.startswith("_child")]
     assert not any(((xy[:, 1] > 6) & (xy[:, 1] < 27)).any() for xy in drawn)  # no curve along the jump
+
+
+def test_a_syringe_has_its_pressure_over_the_stroke():
+    keys = ("stroke_ml", "pressure_cm", "apex_mm", "added_volume_ml", "requested", "stable_under_supply")
+    path = [
+        dict(zip(keys, row, strict=True), limit=0)
+        for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
+    ]
+    first, *others = (figure.axes[0] for figure in plots.curves(path, "apex"))
+    assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the syringe in ml", "pressure in cm of water")
+    (asked,) = [line for line in first.lines if line.get_label() == "requested"]
+    assert asked.get_xydata().tolist() == [[0, 0], [20, 47]]
+    assert [axes.get_xlabel() for axes in others] == ["pressure in cm of water"] * 2
+    direct = [{key: value for key, value in row.items() if key != "stroke_ml"} for row in path]
+    assert len(plots.curves(direct, "apex")) == 2
+
+
+def test_every_entry_of_a_syringe_is_explained():
+    entries = set(supply_table.to_table(Syringe())) - {"kind"}
+    assert set(supply_table.MEANINGS) == entries and len(set(supply_table.MEANINGS.values())) == len(entries)
 
 
 def test_the_smooth_curve_keeps_points_and_turning_points():
