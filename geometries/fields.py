@@ -12,7 +12,6 @@ import numbers
 from typing import Any
 
 from geometries.errors import GeometryError
-from measurement.units import readable
 
 SHORTEST = 1e-5
 """Shortest length in m: the CAD kernel merges points closer than about 0.1 micrometre."""
@@ -66,6 +65,8 @@ def shown(value: Any, unit: str) -> str:
     """Return a value as a person would write it, for example ``"20 mm"`` for 0.02 in ``"m"``."""
     if not isinstance(value, int | float):
         return repr(value)
+    from measurement.units import readable  # not above: whoever imports the devices need not have pint
+
     return readable(value, unit)
 
 

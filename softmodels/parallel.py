@@ -41,7 +41,7 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "64")
     # The wheel from PyPI orders MPI ahead of everything compiled; with conda or in a container there is no such module.
-    if importlib.util.find_spec("dolfinx_solver"):
+    if "dolfinx_solver" not in sys.modules and importlib.util.find_spec("dolfinx_solver"):
         _check_shared_memory()  # importing it starts MPI
     with contextlib.suppress(ImportError):
         import dolfinx_solver  # noqa: F401

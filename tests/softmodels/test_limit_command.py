@@ -28,9 +28,9 @@ def test_thin_disk_is_limited_and_a_stiffening_one_is_not(comm):
     assert thesis.pressure / 95.124 == pytest.approx(34.5, rel=2e-3)
     assert isochoric.rises["ceiling"] == pytest.approx(24.1e-3, rel=5e-3)
     assert isochoric.added_volume == pytest.approx(28.3e-6, rel=5e-3)
-    assert np.hypot(*isochoric.place[:2]) == pytest.approx(THIN.cavity_radius) and isochoric.place[2] == pytest.approx(
-        THIN.ceiling
-    )
+    # At the cavity's upper edge; the integration points, where strain is looked at, lie a little inside the cells.
+    assert np.hypot(*isochoric.place[:2]) == pytest.approx(THIN.cavity_radius, abs=0.5e-3)
+    assert isochoric.place[2] == pytest.approx(THIN.ceiling, abs=0.5e-3)
     assert stiffening.kind == "none" and stiffening.stretch > 4.9
 
 

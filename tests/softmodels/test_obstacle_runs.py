@@ -26,7 +26,7 @@ def test_a_plate_stops_the_disk_and_its_force_is_in_the_table(runs, tmp_path):
     ("words", "told"),
     [
         (("--contact", "top"), "--contact-plane"),
-        (("--contact", "top", "--contact-plane", "z = 17"), "z = 9mm"),
+        (("--contact", "top", "--contact-plane", "z = 17"), "'17' has no unit"),
         (("--contact", "top", "--contact-plane", "x = 17mm"), "square to its axis"),
         (("--contact", "lid", "--contact-plane", "z = 17mm"), "no face 'lid'"),
         (("--contact", "outer", "--contact-plane", "z = 9mm"), "both sides"),
