@@ -160,7 +160,7 @@ def test_a_case_keeps_its_contact_and_refuses_what_makes_none(body_of):
     assert Case.from_toml(case.to_toml()) == case
     for faces, plane, stiffness, words in (
         ("", "z = 9 mm", 100.0, "faces that are stopped"),
-        ("top", "z = 9", 100.0, "is no plane"),
+        ("top", "z = 9", 100.0, "'9' has no unit"),
         ("top", "normal 0,0,0 at 9 mm", 100.0, "is no plane"),
         ("top", "in 0..1, 0..1, 0..1 mm", 100.0, "is no plane"),
         ("top", "z = 9 mm", 0.0, "shear moduli per size"),
