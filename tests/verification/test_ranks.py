@@ -47,7 +47,7 @@ def test_figures_do_not_depend_on_the_ranks(ranks, meshes, serial):
         pytest.skip("no mpirun beside this Python or on the path")
     command = [mpirun, "-n", str(ranks), sys.executable, str(PROGRAM), *map(str, meshes)]
     environment = {**os.environ, **PATIENT, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROGRAM.parents[2])}
-    run = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, check=False)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=1200, env=environment, check=False)
     assert run.returncode == 0, run.stderr
     found = json.loads(run.stdout.strip().splitlines()[-1])
     assert found.pop("ranks") == ranks
