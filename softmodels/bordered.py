@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.callbacks import Shell
 from softmodels.controls import Control
 from softmodels.parallel import owns_scalars, scalars_from_owner
 
@@ -61,8 +62,9 @@ class Bordered:
             13, 1
         )  # the last front too counts its negative pivots, on all ranks
         self._direct.setFromOptions()
+        self.shell = Shell(self.mult, self.apply)
         size = (self.n + self.extra, PETSc.DETERMINE)
-        self.mat = PETSc.Mat().createPython((size, size), context=self, comm=K.comm)
+        self.mat = PETSc.Mat().createPython((size, size), context=self.shell, comm=K.comm)
         self.mat.setUp()
 
     @property

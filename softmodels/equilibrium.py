@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from softmodels.body import Body
 from softmodels.bordered import Bordered
+from softmodels.callbacks import weakly
 from softmodels.controls import Control, Curve, pressure_control
 from softmodels.discrete import Discrete, State
 from softmodels.drive import Drive
@@ -75,7 +76,7 @@ class Equilibrium(Discrete):
         self.worn = False
         self._iterate = np.empty(0)
         self._since: npt.NDArray[np.float64] | None = None
-        self.system = Bordered(self.K, self._multiply)
+        self.system = Bordered(self.K, weakly(self._multiply))
         self.snes: Any = None
         self.anchor: Any = None
         self._make_solver()
@@ -102,7 +103,7 @@ class Equilibrium(Discrete):
         self.drive = drive
         if len(drive.held) != held:
             self._drop_solver()
-            self.system = Bordered(self.K, self._multiply, len(drive.held))
+            self.system = Bordered(self.K, weakly(self._multiply), len(drive.held))
             self._make_solver()
         start = State(np.concatenate([state.w[: self.dofs], drive.multipliers(pressures)]), 0.0, 0.0)
         self.load(start)
@@ -187,11 +188,11 @@ class Equilibrium(Discrete):
         self._x, self._f, self._y = self.system.vector(), self.system.vector(), self.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(self.comm)
         snes.setType("newtonls")
-        snes.setFunction(self._residual, self._f)
-        snes.setJacobian(self._jacobian, self.system.mat)
+        snes.setFunction(weakly(self._residual), self._f)
+        snes.setJacobian(weakly(self._jacobian), self.system.mat)
         snes.getLineSearch().setType("basic")
-        snes.setLineSearchPreCheck(self._guard)
-        snes.setConvergenceTest(self._converged)
+        snes.setLineSearchPreCheck(weakly(self._guard))
+        snes.setConvergenceTest(weakly(self._converged))
         snes.setMaxLinearSolveFailures(3)
         # Questions aside of the path have a solver of their own: its iterations do not count as the path's.
         self._side = PETSc.KSP().create(self.comm)
@@ -203,7 +204,7 @@ class Equilibrium(Discrete):
             ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=60)
             pc = ksp.getPC()
             pc.setType("python")
-            pc.setPythonContext(self.system)
+            pc.setPythonContext(self.system.shell)
         snes.setFromOptions()
 
     def _guard(self, x: Any, y: Any) -> bool:
@@ -377,8 +378,8 @@ class Equilibrium(Discrete):
     def release(self) -> None:
         """Give back what PETSc and MPI hold for this device; it cannot be solved any more.
 
-        PETSc's solvers refer to this object and it to them, a cycle that Python cannot see. Whoever solves many devices in
-        one process would run out of MPI's communicators.
+        What is merely dropped is given back too on one rank; on several, PETSc waits until all ranks agree, so long-lived
+        processes call this.
         """
         self._drop_solver()
         self.K.destroy()
