@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 if TYPE_CHECKING:
     from softmodels.fit_problem import Parameter, Problem
@@ -242,8 +242,8 @@ class Fit:
     def quantile(self) -> float:
         """Half a 95 % interval in standard errors: Student's where the errors' size follows from the scatter."""
         if self.errors == "stated" and self.dispersion == 1.0:
-            return float(norm.ppf((1 + LEVEL) / 2))
-        return float(t.ppf((1 + LEVEL) / 2, max(self.independent - len(self.free), 1.0)))
+            return float(ndtri((1 + LEVEL) / 2))
+        return float(stdtrit(max(self.independent - len(self.free), 1.0), (1 + LEVEL) / 2))
 
     def error(self, name: str) -> float:
         """Standard error of a parameter in its unit; 0 if it is fixed, nan at a bound."""
@@ -265,7 +265,7 @@ class Fit:
             return 0.0
         considered = float(self.considered[names.index(name)][names.index(name)])
         own = max(self.error(name) ** 2 - considered, 0.0) if math.isfinite(self.error(name)) else self.error(name)
-        return math.sqrt(self.quantile**2 * own + norm.ppf((1 + LEVEL) / 2) ** 2 * considered)
+        return math.sqrt(self.quantile**2 * own + ndtri((1 + LEVEL) / 2) ** 2 * considered)
 
     @functools.cached_property
     def correlations(self) -> Array:

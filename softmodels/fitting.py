@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 from softmodels.fit_problem import CannotEvaluate, FitError, Parameter, Prior, Problem, Residuals
 from softmodels.fit_result import Fit, StartResult
@@ -161,6 +160,8 @@ def _starting_points(free: Sequence[Parameter], starts: int | Sequence[Mapping[s
         return [np.array([p.inward(v) for p, v in zip(free, one, strict=True)], dtype=float) for one in held]
     points = [origin]
     if starts > 1:
+        from scipy.stats import qmc  # a second to load, which most fits do not need
+
         spread = np.array([1.5 if p.logarithmic else 1.0 for p in free])
         bounds = np.sort([[p.inward(p.lower), p.inward(p.upper)] for p in free])
         for unit in qmc.Halton(len(free), scramble=False).random(starts)[1:]:

@@ -8,8 +8,9 @@ find their free sides from the condition that these carry no stress; the slopes 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,15 +33,21 @@ class Response:
 
     Attributes:
         stress: Nominal stress in Pa of a pulled side, shape (n,).
-        tangent: Its slope by the stretch in Pa, shape (n,).
         slopes: Its slopes by the parameters asked for, in Pa per their unit, shape (n, m).
         side: Stretch of a free side, shape (n,).
+        by_stretch: Computes `tangent`.
     """
 
     stress: Array
-    tangent: Array
     slopes: Array
     side: Array
+    by_stretch: Callable[[], Array]
+
+    @functools.cached_property
+    def tangent(self) -> Array:
+        """The stress' slope by the stretch in Pa, shape (n,); a fit never asks for it, so it is computed when asked for."""
+        with np.errstate(all="ignore"):
+            return self.by_stretch()
 
 
 def parameter_names(material: Material) -> tuple[str, ...]:
@@ -95,11 +102,13 @@ def _incompressible(material: Material, stretch: Array, mode: str, parameters: S
     stress, energy = slope(material, stretch)
     stress = np.where(np.isfinite(energy), stress, np.nan)
     dead = np.where(np.isfinite(stress), 0.0, np.nan)  # a logarithm of a negative number is nan in reals only
-    tangent = np.imag(slope(material, stretch + 1j * _STEP)[0]) / _STEP + dead
-    at = stretch.astype(complex)
-    columns = [np.imag(slope(nudged(material, name, 1j * _STEP), at)[0]) / _STEP + dead for name in parameters]
-    side = stretch ** powers[2]
-    return Response(stress, tangent, _columns(columns, stretch), side)
+
+    def by_stretch() -> Array:
+        return np.asarray(np.imag(slope(material, stretch + 1j * _STEP)[0]) / _STEP + dead)
+
+    # The stretch stays real: only what the nudged number enters is complex then, and complex powers take most of a fit's time.
+    columns = [np.imag(slope(nudged(material, name, 1j * _STEP), stretch)[0]) / _STEP + dead for name in parameters]
+    return Response(stress, _columns(columns, stretch), stretch ** powers[2], by_stretch)
 
 
 def _compressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
@@ -127,9 +136,8 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
         total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / pulled + dead
         return total
 
-    tangent = follow(slopes(material, a + 1j * _STEP, s))
     columns = [follow(slopes(nudged(material, name, 1j * _STEP), a, s)) for name in parameters]
-    return Response(stress, tangent, _columns(columns, stretch), side)
+    return Response(stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _STEP, s)))
 
 
 def _free_side(material: Material, slopes: Any, stretch: Array, mode: str) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import math
 import re
 from collections.abc import Mapping, Sequence
 
@@ -153,8 +154,10 @@ def _rows(text: str, separator: str) -> list[tuple[int, list[str]]]:
 
 def _header(rows: list[tuple[int, list[str]]]) -> tuple[int, Column, Column] | None:
     for i, (_, row) in enumerate(rows):
+        if len(row) < 2 or any(_is_number(cell) for cell in row):
+            continue  # most lines of a long file, and quick to tell
         known = [column for place, cell in enumerate(row) if (column := recognise(cell, place))]
-        if len(known) < 2 or any(_is_number(cell) for cell in row):
+        if len(known) < 2:
             continue
         for group in (DEFORMATIONS, LOADS):
             twice = [c.header for c in known if c.kind == _first(known, group)]
@@ -214,7 +217,7 @@ def _numbers(rows: list[tuple[int, list[str]]], deformation: Column, load: Colum
             if not _is_number(cell):
                 raise TensileError(f"line {line}: {cell!r} in the column {column.header!r} is not a number")
             values.append(float(cell.replace(",", ".") if decimal_comma else cell))
-        if not np.isfinite(values).all():
+        if not all(map(math.isfinite, values)):
             raise TensileError(f"line {line} holds a value that is not finite ({', '.join(cells)})")
         x.append(values[0])
         y.append(values[1])

@@ -107,10 +107,9 @@ def one_outline(by: Callable[[Outline], Outline]) -> Damage:
 def same_photograph(series: Series, rng: np.random.Generator) -> tuple[Series, set[str]]:
     """A photograph is listed a second time, in place of another one's."""
     i = int(rng.integers(len(series) - 1))
-    other = series[i + 1]
-    return [*series[:i], dataclasses.replace(series[i], x=other.x, z=other.z, error=other.error), *series[i + 1 :]], {
-        series[i].source
-    }
+    here, other = series[i], series[i + 1]
+    again = dataclasses.replace(other, pressure=here.pressure, pressure_error=here.pressure_error, source=here.source)
+    return [*series[:i], again, *series[i + 1 :]], {here.source}
 
 
 def transposed(pressure: float) -> float:

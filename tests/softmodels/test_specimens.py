@@ -130,3 +130,21 @@ def test_stiffness_of_neo_hookean():
 def test_unknown_mode():
     with pytest.raises(ValueError, match="'shear' is not one of uniaxial"):
         respond(NeoHookean(30e3), 1.1, "shear")
+
+
+def test_a_stress_alone_asks_for_one_real_energy(monkeypatch):
+    """A fit asks for stresses thousands of times: no second energy for a slope that nobody wants, and no complex stretches."""
+    asked = []
+
+    def shape(strain, m):
+        asked.append([np.iscomplexobj(side.value) for side in strain.stretches])
+        return original(strain, m)
+
+    original = Ogden.shape
+    monkeypatch.setattr(Ogden, "shape", staticmethod(shape))
+    law, stretch = Ogden((15e3, 30.0), (1.4, 5.5), 0.5), np.linspace(1.0, 4.0, 20)
+    assert np.isfinite(respond(law, stretch).stress).all()
+    assert asked == [[False] * 3]
+    asked.clear()
+    assert np.isfinite(respond(law, stretch, "uniaxial", ("mu1", "alpha1", "mu2", "alpha2")).slopes).all()
+    assert asked == [[False] * 3] * 5
