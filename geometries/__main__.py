@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from measurement.ending import stoppable
+from measurement.ending import bounded, stoppable
 
 with stoppable("geometries"):
     import click
@@ -79,7 +79,7 @@ def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -
 
 
 def _stop(sentence: str, status: int) -> None:
-    click.echo(f"Error: {sentence}", err=True)
+    click.echo(f"Error: {bounded(sentence)}", err=True)
     sys.exit(status)
 
 

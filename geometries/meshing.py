@@ -10,8 +10,6 @@ import dataclasses
 import errno
 import math
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +20,7 @@ from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
 from geometries.mesh_files import load_mesh
 from geometries.mirroring import mirror_mesh
+from geometries.signal_handlers import handlers_kept
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator
@@ -94,7 +93,8 @@ def private_model() -> Iterator[None]:
     ours = not gmsh.isInitialized()
     if ours:
         # Not interruptible: Gmsh would otherwise replace the signal handler, which only a main thread may do.
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
+        with handlers_kept():
+            gmsh.initialize(readConfigFiles=False, interruptible=False)
     previous = None if ours else gmsh.model.getCurrent()
     before = {name: gmsh.option.getNumber(name) for name in SETTINGS}
     fresh = f"softmodels-{os.getpid()}-{id(before)}"
@@ -105,24 +105,14 @@ def private_model() -> Iterator[None]:
         yield
     finally:
         if ours:
-            gmsh.finalize()
-            _renew_handlers()
+            with handlers_kept():
+                gmsh.finalize()
         else:
             gmsh.model.setCurrent(fresh)
             gmsh.model.remove()
             gmsh.model.setCurrent(previous)
             for name, value in before.items():
                 gmsh.option.setNumber(name, value)
-
-
-def _renew_handlers() -> None:
-    """Put Python's signal handlers back: Gmsh, when it starts, takes some away behind Python's back."""
-    if threading.current_thread() is not threading.main_thread():
-        return  # only the main thread may, and only it had any
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGPIPE):
-        handler = signal.getsignal(number)
-        if handler is not None:
-            signal.signal(number, handler)
 
 
 def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = bool) -> Path:

@@ -12,6 +12,7 @@ import click
 import numpy as np
 
 from measurement.column import DENSITY_ERROR, READING_ERROR, Column, ColumnError
+from measurement.ending import bounded
 from measurement.outline import Outline
 from measurement.output_option import FolderType, open_folder, open_place
 from measurement.output_place import status_of
@@ -274,5 +275,5 @@ def _cores() -> int:
 
 
 def _stop(sentence: str, status: int) -> NoReturn:
-    click.echo(f"Error: {sentence}", err=True)
+    click.echo(f"Error: {bounded(sentence)}", err=True)
     sys.exit(status)

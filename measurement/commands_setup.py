@@ -18,6 +18,7 @@ from measurement import setup_texts as texts
 from measurement.boards import find_charuco, find_chessboard
 from measurement.calibration import calibrate as calibrated
 from measurement.camera import Camera, CameraError, frame_points
+from measurement.ending import bounded
 from measurement.grid import GridError, GridPoints, counted_from, find_grid
 from measurement.known_points import plane_of_points, plane_of_scale
 from measurement.lens import Exif, lens_profile, read_exif
@@ -315,5 +316,5 @@ def _write(path: Path, text: str) -> None:
 
 
 def _stop(sentence: str, status: int) -> NoReturn:
-    click.echo(f"Error: {sentence}", err=True)
+    click.echo(f"Error: {bounded(sentence)}", err=True)
     sys.exit(status)

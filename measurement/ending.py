@@ -14,6 +14,17 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 FAILED, STOPPED = 1, 130
+STOPS = (signal.SIGINT, signal.SIGTERM)
+LONGEST_SENTENCE = 1000
+"""Characters of a sentence on standard error; a user's own text in it may be a whole file's content."""
+
+
+def bounded(sentence: str) -> str:
+    """A sentence of at most `LONGEST_SENTENCE` characters: of a longer one the beginning and the end, with dots between."""
+    if len(sentence) <= LONGEST_SENTENCE:
+        return sentence
+    half = (LONGEST_SENTENCE - 5) // 2
+    return f"{sentence[:half]} ... {sentence[-half:]}"
 
 
 @contextlib.contextmanager
@@ -38,6 +49,27 @@ def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def asked_to_stop() -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C or SIGTERM came in here, to be asked at moments that suit; a second one ends the process at once.
+
+    For a command, whose process it is; a library's caller has handlers of their own.
+    """
+    received: list[int] = []
+
+    def note(number: int, frame: Any) -> None:
+        if received:
+            os._exit(STOPPED)
+        received.append(number)
+
+    before = {number: signal.signal(number, note) for number in STOPS}
+    try:
+        yield lambda: bool(received)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

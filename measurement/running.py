@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import sys
 
 import click
 
-from measurement.ending import STOPPED, written
+from measurement.ending import STOPPED, bounded, written
 
 
 def run_command(command: click.Command, name: str) -> None:
@@ -18,13 +19,15 @@ def run_command(command: click.Command, name: str) -> None:
     """
 
     def tell(sentence: str) -> None:
-        click.echo(f"Error: {sentence}", err=True)
+        click.echo(f"Error: {bounded(sentence)}", err=True)
 
     with written(tell):
         try:
             sys.exit(command.main(prog_name=name, standalone_mode=False))
         except click.ClickException as error:
-            error.show()
+            shown = io.StringIO()
+            error.show(shown)
+            click.echo(bounded(shown.getvalue()), err=True, nl=False)
             sys.exit(error.exit_code)
         except (click.exceptions.Abort, KeyboardInterrupt):
             tell("stopped by the user")

@@ -14,7 +14,7 @@ import click
 
 from geometries import Actuator, GeometryError
 from geometries.options import QuantityType, device_options, device_told
-from measurement.ending import STOPPED, stoppable, written
+from measurement.ending import STOPPED, asked_to_stop, bounded, stoppable, written
 from measurement.output_option import FolderType
 from measurement.units import WATER_DENSITY
 from softmodels.case import CONTROLS, FORMULATIONS, Case, CaseError, sheet_from
@@ -22,7 +22,7 @@ from softmodels.material_table import material_from, material_names, material_op
 from softmodels.materials import MaterialError
 from softmodels.obstacle import STIFFNESS, Obstacle, ObstacleError
 from softmodels.outcomes import FAILED, NO_MEMORY
-from softmodels.parallel import StartError, speaks
+from softmodels.parallel import StartError, speaks, start
 from softmodels.series import SeriesError, series
 from softmodels.supply import SupplyError
 from softmodels.supply_table import supply_from, supply_options
@@ -178,9 +178,12 @@ def execute(
         from softmodels.running import run
 
     try:
+        with stoppable("softmodels", speaks):
+            start(petsc)
         status = run(
-            ready, output, resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch, inputs=inputs
-        )
+            ready, output, resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch, inputs=inputs,
+            interrupts=asked_to_stop,
+        )  # fmt: skip
     except StartError as error:
         fail(str(error), error.status)
     except ImportError as error:
@@ -207,7 +210,7 @@ def fail(message: str, status: int = 2) -> None:
 def _tell(message: str) -> None:
     if speaks():
         with contextlib.suppress(OSError):  # nobody can be told
-            print(f"softmodels: {message}", file=sys.stderr)
+            print(f"softmodels: {bounded(message)}", file=sys.stderr)
 
 
 def main(command: click.Command) -> None:

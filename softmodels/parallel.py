@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import os
-import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
+
+from geometries.signal_handlers import handlers_kept
 
 SHARED_MEMORY = Path("/dev/shm")
 """Where MPICH keeps what its ranks share, even of one rank; it ends the process where it cannot."""
@@ -48,7 +49,8 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
     import petsc4py
 
     try:
-        with _nobodys_folder():
+        # PETSc sets handlers of its own, with which it would end the program where the reader of its log has gone.
+        with _nobodys_folder(), handlers_kept():
             petsc4py.init([sys.argv[0], *petsc_options])
             _read_compilers_options()
     except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be named before PETSc has started
@@ -56,9 +58,6 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
         raise StartError(
             f"PETSc does not start with the words {words!r} ({petsc_reason(error)}); check what follows --"
         ) from None
-    if hasattr(signal, "SIGPIPE"):
-        # As Python has it: PETSc would end the program where the reader of its log has gone.
-        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     from mpi4py import MPI
 
     return MPI.COMM_WORLD

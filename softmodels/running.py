@@ -7,17 +7,15 @@ value is not on the path (a limit point); 130 stopped by the user. Whatever happ
 from __future__ import annotations
 
 import contextlib
-import os
-import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped
-from measurement.ending import stoppable
+from measurement.ending import bounded
 from measurement.folder_lock import InUseError
 from measurement.output_place import FULL
 from measurement.own_folder import OwnFolderError
@@ -32,7 +30,7 @@ from softmodels.materials import MaterialError
 from softmodels.notes import notes_of
 from softmodels.obstacle import ObstacleError
 from softmodels.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, NO_MEMORY, STOPPED, RunError
-from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, speaks, start
+from softmodels.parallel import abort_on_error, any_rank, is_root, on_root, petsc_reason, start
 from softmodels.progress import Progress
 from softmodels.results import BRANCH, Results, ResultsError, write_text
 from softmodels.resuming import last_stop, stopped_at, stored_points
@@ -42,7 +40,11 @@ from softmodels.starting import begin, mesh_is_known
 
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
-STOPS = (signal.SIGINT, signal.SIGTERM)
+
+
+def _nobody() -> contextlib.AbstractContextManager[Callable[[], bool]]:
+    """Nobody asks to stop, but for exceptions."""
+    return contextlib.nullcontext(bool)
 
 
 def run(
@@ -55,6 +57,7 @@ def run(
     draw: bool = True,
     branch: bool = False,
     inputs: Sequence[Path] = (),
+    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = _nobody,
 ) -> int:
     """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
 
@@ -68,20 +71,21 @@ def run(
         draw: Make the pictures at the end.
         branch: Follow the branch that leaves the path at its first bifurcation too, into the folder ``branch``.
         inputs: Files that the user has given: they are never written.
+        interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
+            here, as a command does by `asked_to_stop`; may be called in any thread.
 
     Raises:
         StartError: PETSc cannot take the words.
     """
-    with stoppable("softmodels", speaks):
-        comm = start(petsc)
-        abort_on_error(comm)
-        from petsc4py import PETSc
+    comm = start(petsc)
+    abort_on_error(comm)
+    from petsc4py import PETSc
 
     results: Results | None = None
     progress = Progress(case.values[-1], case.unit, case.actuator.gauge, quiet or not is_root(comm))
     status, message = DONE, ""
     try:
-        with progress, _interruptible() as stopped:
+        with progress, interrupts() as stopped:
             results, resumed = _begin(case, folder, resume, draw, inputs, comm)
             progress.say(f"results go to {results.own.path}")
             message = _follow(case, results, comm, progress, stopped, resumed, branch)
@@ -106,6 +110,10 @@ def run(
         status, message = FAILED, f"{_unwritten(error)}; {advice} and go on with --resume"
     except MemoryError:
         status, message = FAILED, NO_MEMORY
+    except BaseException:  # a caller's Ctrl-C among them
+        if results is not None and is_root(comm):
+            results.own.leave()
+        raise
     return on_root(comm, lambda: _end(case, results, status, message, quiet, draw))
 
 
@@ -129,7 +137,7 @@ def _begin(
 def _end(case: Case, results: Results | None, status: int, message: str, quiet: bool, draw: bool) -> int:
     """Close the run and let go of its folder."""
     if results is None:
-        print(f"softmodels: {message}", file=sys.stderr)
+        print(f"softmodels: {bounded(message)}", file=sys.stderr)
         return status
     try:
         return close(case, results, status, message, quiet, draw)
@@ -142,26 +150,14 @@ def _unwritten(error: OSError) -> str:
     return f"the results cannot be written{place} ({error.strerror or error})"
 
 
-@contextlib.contextmanager
-def _interruptible() -> Iterator[list[int]]:
-    """Collect Ctrl-C and SIGTERM in a list, to be looked at between steps; a second Ctrl-C ends the process at once."""
-    received: list[int] = []
-
-    def note(number: int, frame: Any) -> None:
-        if received:
-            os._exit(STOPPED)
-        received.append(number)
-
-    before = {number: signal.signal(number, note) for number in STOPS}
-    try:
-        yield received
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
 def _follow(
-    case: Case, results: Results, comm: Any, progress: Progress, stopped: list[int], resumed: bool, branch: bool
+    case: Case,
+    results: Results,
+    comm: Any,
+    progress: Progress,
+    stopped: Callable[[], bool],
+    resumed: bool,
+    branch: bool,
 ) -> str:
     """Solve, and write every step; returns the closing sentence."""
     from softmodels.body import Body, BodyError
@@ -177,12 +173,12 @@ def _follow(
         kind = "solid" if case.actuator.dimension == 3 else "axisymmetric section"
         progress.say(f"meshing {type(case.actuator).__name__} ({kind}, 1/{case.actuator.copies})")
         try:
-            on_root(comm, lambda: case.actuator.write(mesh, lambda: bool(stopped)))
+            on_root(comm, lambda: case.actuator.write(mesh, stopped))
         except MeshingStopped:
             raise RunError("stopped by the user while the mesh was made; nothing is solved yet", STOPPED) from None
         on_root(comm, lambda: results.record(mesh=digest(mesh)))
     progress.say("preparing the equations (compiled the first time, half a minute; then from the cache)")
-    on_root(comm, lambda: wait_for_cache(cache(), progress.say, lambda: bool(stopped)))
+    on_root(comm, lambda: wait_for_cache(cache(), progress.say, stopped))
     _stop_if_asked(comm, stopped)
     try:
         body = Body.from_file(case.actuator, mesh, comm)
@@ -257,7 +253,7 @@ def _lost(case: Case, results: Results, comm: Any, failure: Exception) -> RunErr
 
 
 def _follow_program(
-    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: list[int], resumed: bool
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: Callable[[], bool], resumed: bool
 ) -> str:
     """Take the device through its program, and write every state."""
     from softmodels.equilibrium import NoConvergence
@@ -286,7 +282,7 @@ def _follow_program(
 
 
 def _follow_branch(
-    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: list[int], path: Any,
+    case: Case, results: Results, fields: Any, comm: Any, progress: Progress, stopped: Callable[[], bool], path: Any,
     bifurcations: list[Any],
 ) -> None:  # fmt: skip
     """Follow the branch at the first bifurcation into a folder of its own."""
@@ -320,8 +316,8 @@ def _follow_branch(
     on_root(comm, lambda: gather(case, aside, DONE, "", notes_of(case, aside.rows)) if aside.stored else None)
 
 
-def _stop_if_asked(comm: Any, stopped: list[int]) -> None:
-    if any_rank(comm, bool(stopped)):
+def _stop_if_asked(comm: Any, stopped: Callable[[], bool]) -> None:
+    if any_rank(comm, stopped()):
         raise RunError("stopped by the user; go on with --resume", STOPPED)
 
 

@@ -60,3 +60,20 @@ def test_output_that_has_nowhere_to_go(module, words, tmp_path):
         os.close(writer)
         _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (1, "")
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("softmodels", [" " * 3000 + "x"]),
+        ("softmodels.disk", ["--pressure-cm", "0:1", "--control", "x" * 3000]),
+        ("measurement", [" " * 3000 + "x"]),
+        ("geometries", ["HollowDisk", "--variant", "x" * 3000]),
+    ],
+)
+def test_words_without_end_get_a_sentence_with_one(module, words, tmp_path):
+    """What a user pastes by mistake, such as a whole file, is not repeated in full."""
+    with started(module, words, tmp_path, stdout=subprocess.DEVNULL) as process:
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert len(err) < 1500 and " ... " in err and "x'" in err, err
