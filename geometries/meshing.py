@@ -20,7 +20,7 @@ from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
 from geometries.mesh_files import load_mesh
 from geometries.mirroring import mirror_mesh
-from geometries.signal_handlers import handlers_kept
+from measurement.signal_handlers import handlers_kept
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator

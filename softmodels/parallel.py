@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from geometries.signal_handlers import handlers_kept
+from measurement.signal_handlers import handlers_kept
 
 SHARED_MEMORY = Path("/dev/shm")
 """Where MPICH keeps what its ranks share, even of one rank; it ends the process where it cannot."""

@@ -181,17 +181,30 @@ def compare(kind: Kind, folder: Path, wanted: Path) -> list[str]:
 
 
 def campaign(
-    chosen: Sequence[str], count: int, seed: int, place: Path, tell: Callable[[str], None] = print
+    chosen: Sequence[str],
+    count: int,
+    seed: int,
+    place: Path,
+    tell: Callable[[str], None] = print,
+    given: Path | None = None,
 ) -> tuple[int, list[str]]:
     """Kill each chosen kind in turn until there were ``count`` kills.
+
+    Args:
+        chosen: Names of kinds.
+        count: Kills in all.
+        seed: Of kinds of signals, and of moments.
+        place: An empty folder.
+        tell: Takes a line on each run.
+        given: What `make_inputs` has written before; None to write it.
 
     Returns:
         The number of kills, and a sentence on each fault.
     """
     rng = random.Random(seed)
-    inputs = place / "inputs"
-    inputs.mkdir(parents=True)
-    if {"fit", "photographs"} & set(chosen):
+    inputs = given or place / "inputs"
+    inputs.mkdir(parents=True, exist_ok=True)
+    if {"fit", "photographs"} & set(chosen) and not (inputs / "case.toml").exists():
         make_inputs(inputs)
     every = kinds(inputs)
     seconds = {name: left_alone(every[name], place / f"{name}-alone") for name in chosen}
@@ -225,10 +238,18 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--kind", action="append", choices=every)
     parser.add_argument("--seed", type=int, default=11)
+    parser.add_argument(
+        "--inputs", type=Path, help="folder for the photographs and outlines, to use them again; else they go"
+    )
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         kills, faults = campaign(
-            given.kind or every, given.count, given.seed, Path(place), lambda text: print(text, flush=True)
+            given.kind or every,
+            given.count,
+            given.seed,
+            Path(place),
+            lambda text: print(text, flush=True),
+            given.inputs,
         )
     print(f"{kills} kills, {len(faults)} faults")
     for fault in faults:
