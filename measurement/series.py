@@ -181,7 +181,8 @@ def _draw_again(result: Result, setup: Setup, zero: ZeroLine, tone: str, picture
 
 
 def _unforeseen(error: Exception) -> str:
-    return f"it led to an unforeseen failure ({type(error).__name__}: {error})"
+    words = " ".join(str(error).split())  # OpenCV's own have several lines
+    return f"it led to an unforeseen failure ({type(error).__name__}: {words})"
 
 
 def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:

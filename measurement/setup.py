@@ -20,6 +20,9 @@ from measurement.units import brief, number
 VERSION = 1
 """Version of the setup file; one that means something else by its numbers gets another."""
 
+FINEST_PITCH = 4.0
+"""Pixels between two lines that can be told apart."""
+
 HEADER = "# Setup of a run of photographs, lengths in m and pixels as (x, y); made by python -m measurement setup.\n"
 
 
@@ -57,8 +60,13 @@ class Setup:
     def __post_init__(self) -> None:
         if not (0.0 < self.magnification < math.inf and 0.0 <= self.magnification_error < math.inf):
             raise SetupError("the magnification must be positive and its error must not be negative")
-        if self.grid_pitch is not None and not 0.0 < self.grid_pitch < math.inf:
-            raise SetupError("the grid's pitch must be a positive length in m")
+        if self.magnification_error >= self.magnification:
+            raise SetupError(
+                f"the magnification {self.magnification:g} +- {self.magnification_error:g} tells no size; its error must be "
+                "smaller than itself"
+            )
+        if self.grid_pitch is not None:
+            self._check_pitch(self.grid_pitch)
         if self.zero is not None:
             zero = np.array(self.zero, dtype=float)
             if zero.shape != (2, 2) or not np.isfinite(zero).all() or np.allclose(zero[0], zero[1], atol=1e-12):
@@ -71,6 +79,23 @@ class Setup:
                     f"the region of interest {x0:g},{y0:g},{x1:g},{y1:g} is not x0,y0,x1,y1 inside of the picture of "
                     f"{self.camera.width} x {self.camera.height} px"
                 )
+
+    def _check_pitch(self, pitch: float) -> None:
+        """Refuse a pitch whose lines the picture cannot show: looking for them would take all memory, or for ever."""
+        if not 0.0 < pitch < math.inf:
+            raise SetupError("the grid's pitch must be a positive length in m")
+        width, height = self.camera.width, self.camera.height
+        columns, rows = np.meshgrid(np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9))
+        places = self.plane.to_metres(self.camera.undistort(np.column_stack([columns.ravel(), rows.ravel()])))
+        places = places[np.isfinite(places).all(axis=1)]
+        if not len(places):
+            raise SetupError("the lens correction or the screen's plane is defined nowhere in the picture")
+        seen = float(np.ptp(places, axis=0).max())
+        if not FINEST_PITCH * seen / max(width, height) <= pitch <= seen:
+            raise SetupError(
+                f"the grid's pitch of {pitch * 1e3:g} mm does not go with a picture that shows {seen * 1e3:.3g} mm of the "
+                f"screen in {max(width, height)} px; the setup is in m"
+            )
 
     def to_metres(self, raw_px: ArrayLike) -> Points:
         """Points (n, 2) of the object's plane in m for pixels (n, 2) of the photograph."""

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from measurement import series
+from measurement.camera import Camera
+from measurement.photo_list import Photograph
 from measurement.pixels import Unmeasurable
+from measurement.plane import Plane
+from measurement.setup import Setup
 from measurement.zero import ZeroLine
 
 SLOPE = np.radians(7.0)
@@ -63,3 +70,18 @@ def test_surfaces_that_are_no_zero():
         ZeroLine.fit(points, -normals, errors)
     with pytest.raises(Unmeasurable, match="not straight"):
         ZeroLine.fit(*surface(noise=1e-4))
+
+
+def test_an_unforeseen_failure_is_one_sentence(monkeypatch):
+    """Words of other programs come in several lines."""
+
+    def fails(*_):
+        raise ValueError("Overload resolution failed:\n> - integer won't fit\n)\n")
+
+    monkeypatch.setattr(series, "find_zero", fails)
+    corners = np.array([[0.0, 0.0], [699.0, 0.0], [699.0, 466.0], [0.0, 466.0]])
+    setup = Setup(Camera.ideal(700, 467), Plane.fit(corners, corners * 1e-4, 0.01))
+    with pytest.raises(series.NoZero) as raised:
+        series.zero_line([Photograph(Path("rest.jpg"), 0.0, 1.0)], setup)
+    assert "rest.jpg" in str(raised.value) and "integer won't fit" in str(raised.value)
+    assert "\n" not in str(raised.value)
