@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import pint
@@ -76,6 +77,15 @@ def number(value: Any) -> float:
     if not math.isfinite(read):
         raise UnitError(f"{brief(value)} is not a finite number")
     return read
+
+
+def numbers(parts: Iterable[Any]) -> list[float]:
+    """Numbers or their texts as finite floats.
+
+    Raises:
+        UnitError: One is none. True is none either, though Python would take it for 1.
+    """
+    return [number(part) for part in parts]
 
 
 def number_and_unit(text: str) -> tuple[float, str]:

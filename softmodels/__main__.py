@@ -5,19 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from measurement.ending import stoppable
-from softmodels.parallel import speaks
+from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):
     import click
 
-    from softmodels import commandline, limit_command
-    from softmodels.case import Case
-    from softmodels.curve_command import curve
-    from softmodels.demo import demo
-    from softmodels.examples import examples
-    from softmodels.fit_command import fit_material
-    from softmodels.score_command import score
-    from softmodels.silicone_command import silicones
+    from softmodels.case.case import Case
+    from softmodels.cli import limit_command
+    from softmodels.cli import options as commandline
+    from softmodels.cli.curve_command import curve
+    from softmodels.cli.demo import demo
+    from softmodels.cli.examples import examples
+    from softmodels.cli.fit_command import fit_material
+    from softmodels.cli.score_command import score
+    from softmodels.cli.silicone_command import silicones
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -59,7 +60,7 @@ softmodels.add_command(limit_command.command)
 @click.argument("folder", type=click.Path(path_type=Path))
 def draw(folder: Path) -> None:
     """Make the pictures, the film and the report of the results in FOLDER anew."""
-    from softmodels.pictures import draw_folder
+    from softmodels.pictures.draw import draw_folder
 
     draw_folder(folder)
 
@@ -67,7 +68,7 @@ def draw(folder: Path) -> None:
 @softmodels.command("doctor")
 def check() -> None:
     """Tell what is installed and whether it works: versions, MPI, compiler, a one-second solve."""
-    from softmodels.doctor import doctor
+    from softmodels.cli.doctor import doctor
 
     doctor()
 

@@ -1,11 +1,11 @@
 """``python -m softmodels.disk``: the hollow disk of the thesis, inflated."""
 
 from measurement.ending import stoppable
-from softmodels.parallel import speaks
+from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):
     from geometries import HollowDisk
-    from softmodels.commandline import device_command, main
+    from softmodels.cli.options import device_command, main
 
 command = device_command(
     HollowDisk,

@@ -1,11 +1,11 @@
 """``python -m softmodels.seminar``: the slab with air channels of the thesis' second half, inflated."""
 
 from measurement.ending import stoppable
-from softmodels.parallel import speaks
+from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):
     from geometries import SeminarActuator
-    from softmodels.commandline import device_command, main
+    from softmodels.cli.options import device_command, main
 
 command = device_command(
     SeminarActuator,

@@ -81,7 +81,7 @@ def wedge_part(step_file, tmp_path_factory):
 @pytest.fixture(scope="session")
 def comm():
     """The world communicator; the first to ask for it starts MPI, PETSc and DOLFINx in their order."""
-    from softmodels.parallel import start
+    from softmodels.mechanics.mpi import start
 
     return start()
 

@@ -144,7 +144,7 @@ class Bench:
 
     def _status(self, attempt: inputs.Attempt) -> int:
         from measurement.running import run_command
-        from softmodels.commandline import main
+        from softmodels.cli.options import main
 
         command, words = self.programs[attempt.program], list(attempt.words)
         try:
@@ -160,9 +160,9 @@ class Bench:
     @contextlib.contextmanager
     def _shortened(self) -> Iterator[None]:
         """Read and check everything, solve some small sections, and fit and mesh nothing large."""
-        import softmodels.running
+        import softmodels.cli.run
 
-        solve = softmodels.running.run
+        solve = softmodels.cli.run.run
 
         def run(case: Any, folder: Path, **how: Any) -> int:
             small = case.actuator.dimension == 2 and _cells(case.actuator) < MOST_CELLS
@@ -181,9 +181,9 @@ class Bench:
 
         wrote = Actuator.write
         with (
-            mock.patch("softmodels.running.run", run), mock.patch("softmodels.limit_command.find_limit", accepted),
-            mock.patch("softmodels.fit_command.fit_law", accepted),
-            mock.patch("softmodels.outline_command.device_report", accepted),
+            mock.patch("softmodels.cli.run.run", run), mock.patch("softmodels.cli.limit_command.find_limit", accepted),
+            mock.patch("softmodels.cli.fit_command.fit_law", accepted),
+            mock.patch("softmodels.cli.outline_command.device_report", accepted),
             mock.patch.object(Actuator, "write", write),
         ):  # fmt: skip
             yield

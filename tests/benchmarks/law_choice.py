@@ -29,12 +29,12 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from softmodels.fit_command import law_choices
-from softmodels.fit_comparison import compare
-from softmodels.tensile import TensileCurve, TensileError, read_curve
-from softmodels.tensile_fit import StressError, fit_law, noise, residuals_of
-from softmodels.thinning import thinned
-from softmodels.yardstick import on_yardstick
+from softmodels.cli.fit_command import law_choices
+from softmodels.fitting.comparison import compare
+from softmodels.fitting.curves.curve import TensileCurve, TensileError, read_curve
+from softmodels.fitting.curves.fit import StressError, fit_law, noise, residuals_of
+from softmodels.fitting.curves.thinning import thinned
+from softmodels.fitting.curves.yardstick import on_yardstick
 
 DATA = next(
     (found for folder in Path(__file__).resolve().parents if (found := folder / "shared" / "data").is_dir()),

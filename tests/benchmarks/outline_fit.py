@@ -20,10 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from geometries import HollowDisk
-from softmodels.fit_problem import CannotEvaluate
-from softmodels.law_choice import LawChoice
-from softmodels.outline_data import prepare
-from softmodels.outline_fit import (
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.outlines.data import prepare
+from softmodels.fitting.outlines.fit import (
     LEAK_ERROR,
     PRESSURE_SCALE_ERROR,
     SCALE_ERROR,
@@ -31,8 +30,9 @@ from softmodels.outline_fit import (
     OutlineResiduals,
     fit_outlines,
 )
-from softmodels.parallel import start
-from softmodels.simulated_outlines import Camera, simulated_outlines
+from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
+from softmodels.fitting.problem import CannotEvaluate
+from softmodels.mechanics.mpi import start
 
 TRUTH = {"c1": 14e3, "c2": 600.0, "c3": 0.0}
 HOLD = {"c3": {"start": 0.0, "fixed": True}}
@@ -42,9 +42,9 @@ SIDE = 20
 
 
 def device(cell_size: float):
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.inflation import Inflation
+    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     comm = start()
     disk = HollowDisk(section="axisymmetric", cell_size=cell_size, fillet=0.0, base_fillet=0.0)

@@ -16,12 +16,12 @@ from pathlib import Path
 
 from geometries import HollowDisk
 from measurement.units import pascal_per_cm
-from softmodels.body import Body
-from softmodels.equilibrium import Equilibrium
-from softmodels.loading import Path as LoadPath
-from softmodels.loading import trace
-from softmodels.material_table import DEFAULT
-from softmodels.parallel import is_root, on_root, start
+from softmodels.case.material_table import DEFAULT
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.mpi import is_root, on_root, start
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.path.continuation import Path as LoadPath
+from softmodels.path.continuation import trace
 
 ROUNDS = 5
 

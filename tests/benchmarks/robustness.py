@@ -36,8 +36,8 @@ from typing import Any
 import numpy as np
 
 from geometries import Actuator, GeometryError, HollowDisk, SeminarActuator
-from softmodels.materials import Gent, Material, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.supply import AMBIENT, GASES, Syringe
+from softmodels.materials.laws import Gent, Material, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.path.syringe import AMBIENT, GASES, Syringe
 
 KINDS = ("section", "wedge", "seminar")
 SAME = {"section": 0.002, "wedge": 0.03, "seminar": 0.002}
@@ -135,8 +135,8 @@ def _silicone(chance: random.Random, mu: float, nu: float) -> Material:
 
 
 def equations_of(device: Actuator, material: Material, comm: Any) -> Any:
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(device, device.write(Path(folder) / "device.msh"), comm)
@@ -145,10 +145,10 @@ def equations_of(device: Actuator, material: Material, comm: Any) -> Any:
 
 def follow(equations: Any, goal: float, *settings: Any) -> tuple[list[Any], Exception | None]:
     """All points of a path to a goal, and what ended it before that."""
-    from softmodels.equilibrium import NoConvergence
-    from softmodels.loading import Path as LoadPath
-    from softmodels.loading import trace
-    from softmodels.points import PathEnd
+    from softmodels.mechanics.solver import NoConvergence
+    from softmodels.path.continuation import Path as LoadPath
+    from softmodels.path.continuation import trace
+    from softmodels.path.points import PathEnd
 
     points: list[Any] = []
     try:
@@ -168,7 +168,7 @@ def supply_of(trial: Trial, equations: Any) -> Any:
 
 def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
     """How the path of a trial ends, in a word, and its points."""
-    from softmodels.points import PathEnd
+    from softmodels.path.points import PathEnd
 
     goal = trial.goal * (1.0 if trial.quantity == "pressure" else equations.rest().V)
     settings = trial.control, trial.quantity, math.inf, supply_of(trial, equations)
@@ -235,7 +235,7 @@ def examine(trial: Trial, comm: Any) -> Found:
 
 
 def main() -> None:
-    from softmodels.parallel import start
+    from softmodels.mechanics.mpi import start
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200)

@@ -22,13 +22,13 @@ from typing import Any
 
 from geometries import SeminarActuator
 from measurement.units import pascal_per_cm
-from softmodels.body import Body
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.loading import Path as LoadPath
-from softmodels.loading import trace
-from softmodels.parallel import is_root, largest, on_root, start
-from softmodels.silicones import SILICONES
+from softmodels.materials.silicones import SILICONES
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.mpi import is_root, largest, on_root, start
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.path.continuation import Path as LoadPath
+from softmodels.path.continuation import trace
+from softmodels.results.fields import Fields
 
 PETSC_EVENTS = {"factorisation": ("MatCholFctrSym", "MatCholFctrNum"), "solves with the factors": ("MatSolve",)}
 OWN_EVENTS = {

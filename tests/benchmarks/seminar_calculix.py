@@ -37,15 +37,15 @@ from wedge_case import TETRAHEDRON10, TRIANGLE6, VTK_FROM_GMSH, elements, orient
 
 from geometries import SeminarActuator
 from measurement.units import pascal_per_cm
-from softmodels.body import Body
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.loading import Path as LoadPath
-from softmodels.loading import trace
-from softmodels.materials import Yeoh
-from softmodels.parallel import start
-from softmodels.points import PathEnd
-from softmodels.silicones import SILICONES
+from softmodels.materials.laws import Yeoh
+from softmodels.materials.silicones import SILICONES
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.mpi import start
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.path.continuation import Path as LoadPath
+from softmodels.path.continuation import trace
+from softmodels.path.points import PathEnd
+from softmodels.results.fields import Fields
 
 PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"
 """Lets Newton's method fall slowly: displacements alone take it over ten iterations at Poisson's ratio 0.49."""

@@ -15,13 +15,13 @@ import wedge_case
 
 import softmodels
 from geometries import HollowDisk
-from softmodels.body import Body
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.loading import Path as LoadPath
-from softmodels.loading import trace
-from softmodels.materials import Material, NeoHookean, Yeoh
-from softmodels.parallel import start
+from softmodels.materials.laws import Material, NeoHookean, Yeoh
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.mpi import start
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.path.continuation import Path as LoadPath
+from softmodels.path.continuation import trace
+from softmodels.results.fields import Fields
 
 
 def main() -> None:

@@ -23,17 +23,17 @@ import numpy as np
 
 from geometries import HollowDisk
 from measurement.outline import Outline
-from softmodels.believable import expected, hold_against
-from softmodels.fit_problem import FitError
-from softmodels.fit_report import Fitted
-from softmodels.height_fit import Height, HeightResiduals, check_heights, fit_heights
-from softmodels.law_choice import LawChoice
-from softmodels.law_stability import judge
-from softmodels.outline_data import prepare
-from softmodels.outline_fit import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR, Bench
-from softmodels.outline_trials import try_outlines
-from softmodels.parallel import start
-from softmodels.simulated_outlines import Camera, simulated_outlines
+from softmodels.fitting.believable import expected, hold_against
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.outlines.data import prepare
+from softmodels.fitting.outlines.fit import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR, Bench
+from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, fit_heights
+from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
+from softmodels.fitting.outlines.trials import try_outlines
+from softmodels.fitting.problem import FitError
+from softmodels.fitting.tables import Fitted
+from softmodels.materials.stability import judge
+from softmodels.mechanics.mpi import start
 
 HOLD = {"c3": {"start": 0.0, "fixed": True}}
 CM = 95.1
@@ -47,9 +47,9 @@ Damage = Callable[[Series, np.random.Generator], tuple[Series, set[str]]]
 
 
 def device(cell_size: float = 0.006):
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.inflation import Inflation
+    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     comm = start()
     disk = HollowDisk(section="axisymmetric", cell_size=cell_size, fillet=0.0, base_fillet=0.0)

@@ -8,9 +8,9 @@ import pytest
 
 from measurement.setup import Setup, SetupError
 from measurement.toml_file import TomlError, numbers, read_toml
-from softmodels.case import Case, CaseError
-from softmodels.material_table import material_from
-from softmodels.materials import MaterialError
+from softmodels.case.case import Case, CaseError
+from softmodels.case.material_table import material_from
+from softmodels.materials.laws import MaterialError
 
 BROKEN = {
     "no TOML": (b"a = ", "is not valid TOML"),

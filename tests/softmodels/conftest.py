@@ -16,10 +16,10 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from geometries.meshing import private_model
-from softmodels.case import Case
-from softmodels.material_table import DEFAULT
-from softmodels.rendering import can_render
-from softmodels.results import Results
+from softmodels.case.case import Case
+from softmodels.case.material_table import DEFAULT
+from softmodels.pictures.rendering import can_render
+from softmodels.results.store import Results
 
 DISK = ("-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures")
 SOFT = ("--variant", "shadow", "--pressure-cm", "0,52.5,52.9,60", "--quiet")
@@ -169,7 +169,7 @@ def made_up(folder, device, name="disk"):
 def command(*arguments):
     """Start the drawing program in a process of its own, as it is meant to run, and without a display."""
     environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
-    line = [sys.executable, "-m", "softmodels.pictures", *map(str, arguments)]
+    line = [sys.executable, "-m", "softmodels.pictures.draw", *map(str, arguments)]
     return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 

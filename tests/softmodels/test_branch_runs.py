@@ -8,7 +8,7 @@ import json
 import pytest
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels.stability_report import stability_text, unlocated, unseen
+from softmodels.results.stability_report import stability_text, unlocated, unseen
 
 TWIN = (
     "--variant", "shadow", "--base", "2mm", "--wall", "15mm", "--cell-size", "3mm",

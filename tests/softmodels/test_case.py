@@ -8,10 +8,10 @@ import itertools
 import pytest
 
 from geometries import HollowDisk
-from softmodels.case import Case, CaseError
-from softmodels.materials import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.series import series
-from softmodels.silicones import SILICONES
+from softmodels.case.case import Case, CaseError
+from softmodels.case.ranges import series
+from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.silicones import SILICONES
 
 # Numbers that no short text holds: a round trip must not cost them a bit.
 THIRD = 1 / 3

@@ -8,12 +8,12 @@ import pytest
 from PIL import Image
 
 from geometries import SeminarActuator
-from softmodels import film, hot_spots
-from softmodels.cutting import cut_open
-from softmodels.pages import Scale
-from softmodels.skin import CUT
-from softmodels.states import States
-from softmodels.views import look
+from softmodels.pictures.cutting import cut_open
+from softmodels.pictures.draw import film, hot_spots
+from softmodels.pictures.pages import Scale
+from softmodels.pictures.views import look
+from softmodels.results.skin import CUT
+from softmodels.results.stored import States
 
 
 def corners(states):

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-import softmodels.running
+import softmodels.cli.run
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.commandline import main
+from softmodels.cli.options import main
 from softmodels.disk import command
 
 FILES = {
@@ -138,7 +138,7 @@ def says(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize(("asked", "arguments", "words"), ALL, ids=[" ".join(arguments) for _, arguments, _ in ALL])
 def test_bad_input_is_one_sentence_before_anything_is_run(asked, arguments, words, says, monkeypatch, tmp_path):
-    monkeypatch.setattr(softmodels.running, "run", lambda *_, **__: pytest.fail("the run was started"))
+    monkeypatch.setattr(softmodels.cli.run, "run", lambda *_, **__: pytest.fail("the run was started"))
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
     status, out, err = says(asked, arguments)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.contact import Walls
+from softmodels.results.self_contact import Walls
 
 DISKS = {
     "wedge": HollowDisk(cell_size=0.004, refinement=1.0),

@@ -14,11 +14,11 @@ from measurement.__main__ import main as measure
 from measurement.setup import SetupError
 from measurement.setup_texts import per_metre
 from softmodels.__main__ import softmodels
-from softmodels.case import Case, CaseError
+from softmodels.case.case import Case, CaseError
 from softmodels.disk import command as disk
-from softmodels.height_fit import read_heights
-from softmodels.limits import Tolerance
-from softmodels.outline_data import OutlineFitError
+from softmodels.fitting.outlines.data import OutlineFitError
+from softmodels.fitting.outlines.heights import read_heights
+from softmodels.results.limits import Tolerance
 from softmodels.seminar import command as seminar
 
 LOAD = "--pressure-cm=0:10"
@@ -66,7 +66,7 @@ def test_options(asked, arguments, words, tmp_path, monkeypatch, capsys):
     import cv2
     import numpy as np
 
-    from softmodels.commandline import main
+    from softmodels.cli.options import main
 
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("grid.png", np.full((40, 60, 3), 200, np.uint8))

@@ -19,12 +19,13 @@ from measurement import commands_photos
 from measurement.__main__ import main as measurement
 from measurement.own_folder import OwnFolderError
 from measurement.synthetic import dome
-from softmodels import demo, disk, examples, seminar
+from softmodels import disk, seminar
 from softmodels.__main__ import softmodels
-from softmodels.case import Case
-from softmodels.homogeneous import nominal_stress
-from softmodels.law_choice import LawChoice
-from softmodels.tensile import read_curve
+from softmodels.case.case import Case
+from softmodels.cli import demo, examples
+from softmodels.fitting.curves.curve import read_curve
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.materials.homogeneous import nominal_stress
 
 README = Path(__file__).parents[2] / "README.md"
 FILE = re.compile(r"\.(toml|csv|jpg|step|msh)$|/")
@@ -44,7 +45,7 @@ def written(tmp_path_factory):
     with pytest.MonkeyPatch.context() as changed:
         changed.setattr(examples, "MEGAPIXELS", 0.1)
         changed.setattr(examples, "inflated", lambda truth, comm: (None, halves))
-        changed.setattr("softmodels.parallel.start", lambda: None)
+        changed.setattr("softmodels.mechanics.mpi.start", lambda: None)
         return examples.write_examples(tmp_path_factory.mktemp("fresh") / "examples")
 
 

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.commandline import main
-from softmodels.law_choice import LawChoice
-from softmodels.material_table import from_table, material_from
-from softmodels.materials import Ogden, Yeoh
-from softmodels.specimens import respond
-from softmodels.tensile import strain_of
+from softmodels.case.material_table import from_table, material_from
+from softmodels.cli.options import main
+from softmodels.fitting.curves.curve import strain_of
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.materials.laws import Ogden, Yeoh
+from softmodels.materials.specimens import respond
 
 L = np.linspace(1.02, 3.0, 60)
 LAW = Yeoh(8e3, 90.0, 0.5, 0.5)
@@ -67,7 +67,7 @@ def whole(folder):
     words = ["--tensile", "uniaxial.csv", "--tensile", "planar.csv:pure-shear", "--material", "neo-hookean,yeoh,ogden1"]
     words += ["--stretch", "1.05:2.5", "--stress-error", "30Pa", "-o", "out"]
     done = subprocess.run(
-        [sys.executable, "-m", "softmodels.fit", *words],
+        [sys.executable, "-m", "softmodels", "fit", *words],
         cwd=folder,
         capture_output=True,
         text=True,
@@ -104,7 +104,7 @@ def test_material_file_goes_into_a_simulation(whole):
 
 
 def test_a_disk_takes_the_material_file(whole):
-    from softmodels.case import Case
+    from softmodels.case.case import Case
 
     folder, _ = whole
     case = (
@@ -269,7 +269,8 @@ def test_compressible_true_stress(says, tmp_path):
 
 def test_curve_and_fit_need_no_solver():
     """A laptop without FEniCSx can fit and draw."""
-    words = "import sys, softmodels.__main__, softmodels.curve_command, softmodels.curve_pictures; print(*sys.modules)"
+    modules = ("__main__", "cli.curve_command", "pictures.curve_pictures")
+    words = f"import sys, {', '.join(f'softmodels.{name}' for name in modules)}; print(*sys.modules)"
     loaded = subprocess.run(
         [sys.executable, "-c", words], capture_output=True, text=True, timeout=100, check=True
     ).stdout.split()
@@ -336,10 +337,10 @@ def test_bad_input_is_one_sentence(text, says):
 
 def test_a_law_at_the_edge_of_what_it_can_be_is_judged(tmp_path):
     """Mooney-Rivlin on a curve that only hardens ends at a shear modulus of nothing: a sentence, no traceback."""
-    from softmodels.fitting import fit
-    from softmodels.soundness import objections
-    from softmodels.tensile import TensileCurve
-    from softmodels.tensile_fit import StressError, residuals_of
+    from softmodels.fitting.curves.curve import TensileCurve
+    from softmodels.fitting.curves.fit import StressError, residuals_of
+    from softmodels.fitting.least_squares import fit
+    from softmodels.fitting.soundness import objections
 
     choice = LawChoice.from_text("mooney-rivlin")
     curve = TensileCurve("edge", "uniaxial", L, respond(Yeoh(1.0, 300.0, 5.0, 0.5), L).stress)

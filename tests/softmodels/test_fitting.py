@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from softmodels.fit_comparison import compare
-from softmodels.fit_result import autocorrelation_time
-from softmodels.fitting import CannotEvaluate, FitError, Parameter, Prior, fit
+from softmodels.fitting.comparison import compare
+from softmodels.fitting.least_squares import CannotEvaluate, FitError, Parameter, Prior, fit
+from softmodels.fitting.result import autocorrelation_time
 
 X = np.linspace(-1.0, 1.0, 40)
 NOISE = np.random.default_rng(3).normal(size=X.size)

@@ -19,13 +19,13 @@ from geometries import HollowDisk
 from measurement import folder_lock
 from measurement.own_folder import OwnFolder
 from softmodels.__main__ import softmodels
-from softmodels.case import Case
-from softmodels.commandline import main
+from softmodels.case.case import Case
+from softmodels.case.identity import difference, identity
+from softmodels.case.material_table import DEFAULT
+from softmodels.cli.options import main
 from softmodels.disk import command
-from softmodels.identity import difference, identity
-from softmodels.material_table import DEFAULT
-from softmodels.obstacle import Obstacle
-from softmodels.results import Results
+from softmodels.mechanics.contact import Obstacle
+from softmodels.results.store import Results
 
 BASIC = ["--section=axisymmetric", "--no-pictures", "--quiet"]
 SHORT = [*BASIC, "--pressure-cm=0,30"]

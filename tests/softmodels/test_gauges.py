@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.case import Case, CaseError
-from softmodels.gauges import GaugeError, Gauges, from_tables, to_tables
-from softmodels.identity import difference, identity
+from softmodels.case.case import Case, CaseError
+from softmodels.case.gauges import GaugeError, Gauges, from_tables, to_tables
+from softmodels.case.identity import difference, identity
 
 BLOCK = """
 [geometry]
@@ -165,8 +165,8 @@ def test_a_point_beside_the_part_is_refused(block, runs, tmp_path):
 
 
 def test_the_profile_is_the_outside_in_the_plane(block):
-    from softmodels.cut_lines import axes_of, cut_line
-    from softmodels.states import States
+    from softmodels.results.cut_lines import axes_of, cut_line
+    from softmodels.results.stored import States
 
     states = States(block[1], "part")
     normal, at = states.case.gauges.cut

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import softmodels.running
+import softmodels.cli.run
 from geometries.__main__ import main as geometries
 from measurement.__main__ import main as measure
 from softmodels.__main__ import softmodels as whole
-from softmodels.commandline import main
+from softmodels.cli.options import main
 from softmodels.disk import command as disk
 
 CASE = '[geometry]\ndevice = "HollowDisk"\nsection = "axisymmetric"\n[load]\n'
@@ -75,7 +75,7 @@ MISSING = [
 def ends(tmp_path, monkeypatch, capsys):
     """Return a function that runs a command in a folder with some files and gives its status and what it printed."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(softmodels.running, "start", lambda *_: pytest.fail("MPI was started"))
+    monkeypatch.setattr(softmodels.cli.run, "start", lambda *_: pytest.fail("MPI was started"))
     cv2.imwrite("grid.png", np.full((40, 60, 3), 200, np.uint8))
     rows = "\n".join(f"{1 + k / 20},{k * 600}" for k in range(1, 30))
     (tmp_path / "pull.csv").write_text(f"stretch,stress (Pa)\n1,0\n{rows}\n")

@@ -15,24 +15,24 @@ import h5py
 import numpy as np
 import pytest
 
-from softmodels.results import Results, ResultsError
+from softmodels.results.store import Results, ResultsError
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 LIMITED = """
 import resource, signal, sys
-from softmodels.parallel import start
+from softmodels.mechanics.mpi import start
 sys.argv[0] = "disk"  # PETSc takes -c for an option
 start()  # MPI makes large files of its own
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 size = int(sys.argv.pop(1))
 resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-from softmodels.commandline import main
+from softmodels.cli.options import main
 from softmodels.disk import command
 main(command)
 """
 KILLED = """
 import os, signal, sys
-from softmodels.results import Results
+from softmodels.results.store import Results
 count, add = int(sys.argv.pop(1)), Results.add
 def add_and_die(self, *step):
     add(self, *step)
@@ -40,7 +40,7 @@ def add_and_die(self, *step):
         os.kill(os.getpid(), signal.SIGKILL)
 Results.add = add_and_die
 sys.argv[0] = "disk"
-from softmodels.commandline import main
+from softmodels.cli.options import main
 from softmodels.disk import command
 main(command)
 """

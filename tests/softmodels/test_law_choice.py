@@ -7,15 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.contradiction import contradictions
-from softmodels.fit_comparison import MOST_RATIO, compare
-from softmodels.law_choice import LawChoice
-from softmodels.materials import Gent, NeoHookean, Yeoh
-from softmodels.specimens import respond
-from softmodels.tensile import TensileCurve, read_curve
-from softmodels.tensile_fit import StressError, fit_law, residuals_of
-from softmodels.thinning import MOST_POINTS, thinned
-from softmodels.yardstick import STEPS, evened, on_yardstick
+from softmodels.fitting.comparison import MOST_RATIO, compare
+from softmodels.fitting.curves.contradiction import contradictions
+from softmodels.fitting.curves.curve import TensileCurve, read_curve
+from softmodels.fitting.curves.fit import StressError, fit_law, residuals_of
+from softmodels.fitting.curves.thinning import MOST_POINTS, thinned
+from softmodels.fitting.curves.yardstick import STEPS, evened, on_yardstick
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.materials.laws import Gent, NeoHookean, Yeoh
+from softmodels.materials.specimens import respond
 
 READINGS = (37512, 375, 93)
 ERRORS = ("auto", "constant", "2%+0.5kPa")

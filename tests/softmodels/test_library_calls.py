@@ -13,9 +13,9 @@ def handlers():
     return [line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith(("SigIgn", "SigCgt"))]
 
 from geometries import HollowDisk
-from softmodels.case import Case
-from softmodels.material_table import material_from
-from softmodels.running import run
+from softmodels.case.case import Case
+from softmodels.case.material_table import material_from
+from softmodels.cli.run import run
 import dolfinx_solver  # MPI's own handlers are set here
 
 signal.signal(signal.SIGTERM, lambda *_: None)
@@ -43,13 +43,13 @@ from pathlib import Path
 from unittest import mock
 
 from geometries import HollowDisk
-from softmodels.case import Case
-from softmodels.material_table import material_from
-from softmodels.running import run
+from softmodels.case.case import Case
+from softmodels.case.material_table import material_from
+from softmodels.cli.run import run
 
 case = Case(name="disk", actuator=HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0),
             material=material_from(None, {}), pressures_cm=(5.0,))
-with mock.patch("softmodels.running._follow", side_effect=KeyboardInterrupt):
+with mock.patch("softmodels.cli.run._follow", side_effect=KeyboardInterrupt):
     try:
         run(case, Path("out"), quiet=True, draw=False)
     except KeyboardInterrupt:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels.case import CaseError
-from softmodels.limits import Tolerance, find_limit, samples
-from softmodels.materials import MooneyRivlin, NeoHookean, Yeoh
+from softmodels.case.case import CaseError
+from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
+from softmodels.results.limits import Tolerance, find_limit, samples
 
 THIN = HollowDisk.variant("shadow", support="base", fillet=0.0, base_fillet=0.0, section="axisymmetric")
 OPTIONS = ("--variant", "shadow", "--support", "base", "--fillet", "0mm", "--base-fillet", "0mm")

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softmodels.homogeneous import nominal_stress
-from softmodels.materials import LAWS, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.silicone_spread import spread_sentence
-from softmodels.silicones import PRODUCTS, SILICONES, named, silicone_called, stretch_at_break
-from softmodels.strain import HomogeneousStrain
+from softmodels.materials.homogeneous import nominal_stress
+from softmodels.materials.laws import LAWS, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.silicones import PRODUCTS, SILICONES, named, silicone_called, stretch_at_break
+from softmodels.materials.spread import spread_sentence
+from softmodels.materials.strain import HomogeneousStrain
 
 EXAMPLES = {
     "neo-hookean": NeoHookean(30e3, 0.45),

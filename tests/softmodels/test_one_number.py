@@ -8,10 +8,11 @@ import pytest
 from geometries import HollowDisk
 from geometries import table as geometry_table
 from measurement.units import exact_text, quantity, readable
-from softmodels import closing, hot_spots, plots, report, sections
-from softmodels.stability_report import events, jumps_text, unlocated
-from softmodels.states import States
-from softmodels.views import look
+from softmodels.cli import closing
+from softmodels.pictures.draw import hot_spots, plots, report, sections
+from softmodels.pictures.views import look
+from softmodels.results.stability_report import events, jumps_text, unlocated
+from softmodels.results.stored import States
 
 CYCLE = (
     "--variant",

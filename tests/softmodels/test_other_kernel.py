@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from softmodels.case import Case
+from softmodels.case.case import Case
 
 cadquery = pytest.importorskip("cadquery", reason="CadQuery is not installed (uv run --with cadquery pytest ...)")
 

@@ -19,12 +19,12 @@ from click.testing import CliRunner
 from geometries import HollowDisk
 from measurement.outline import Outline
 from measurement.own_folder import OwnFolder
-from softmodels.case import Case
-from softmodels.fit_command import fit_material
-from softmodels.law_choice import LawChoice
-from softmodels.materials import Yeoh
-from softmodels.score_command import score
-from softmodels.simulated_outlines import Camera, simulated_outlines
+from softmodels.case.case import Case
+from softmodels.cli.fit_command import fit_material
+from softmodels.cli.score_command import score
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
+from softmodels.materials.laws import Yeoh
 
 DISK = HollowDisk(cell_size=0.006, fillet=0.0, base_fillet=0.0)
 X = np.linspace(-0.012, 0.012, 400)
@@ -92,7 +92,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(("made", "words", "said"), REFUSED.values(), ids=REFUSED.keys())
 def test_bad_input_is_one_sentence_before_a_solve(made, words, said, case, outlines, monkeypatch, comm):
-    from softmodels.equilibrium import Equilibrium
+    from softmodels.mechanics.solver import Equilibrium
 
     monkeypatch.setattr(Equilibrium, "solve", lambda *args: pytest.fail("something was solved"))
     done = fit(case, outlines(*made), *words)
@@ -136,9 +136,9 @@ WORDS = ("--fix", "c3=0Pa", "--poisson", "0.49", "--no-profiles", "--no-pictures
 @pytest.fixture(scope="module")
 def measured(comm, tmp_path_factory):
     """Seven outlines of the case's device, of a known material."""
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.inflation import Inflation
+    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     disk = dataclasses.replace(DISK, section="axisymmetric")
     choice = LawChoice.from_text("yeoh", 0.49)
@@ -226,9 +226,9 @@ def test_heights_name_their_wrong_row_and_what_they_cannot_tell(measured, case, 
 
 def test_a_whole_fit(case, outlines, comm, tmp_path):
     """Outlines of a known material through the command: its values, its files, and a wedge's case fitted as a section."""
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.inflation import Inflation
+    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     disk = dataclasses.replace(DISK, section="axisymmetric")
     choice = LawChoice.from_text("yeoh", 0.49)
@@ -269,7 +269,8 @@ def test_a_whole_fit(case, outlines, comm, tmp_path):
             "2",
             sys.executable,
             "-m",
-            "softmodels.fit",
+            "softmodels",
+            "fit",
             case,
             folder,
             "--fix",

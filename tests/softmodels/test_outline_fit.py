@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.fit_comparison import compare
-from softmodels.fit_problem import CannotEvaluate, Prior
-from softmodels.height_fit import Height, HeightResiduals, check_heights, fit_heights
-from softmodels.law_choice import LawChoice
-from softmodels.outline_data import prepare
-from softmodels.outline_fit import (
+from softmodels.fitting.comparison import compare
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.fit import StressError, residuals_of
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.outlines.data import prepare
+from softmodels.fitting.outlines.fit import (
     BENCH,
     LEAK_ERROR,
     SCALE_ERROR,
@@ -26,11 +26,11 @@ from softmodels.outline_fit import (
     nuisances,
     volume_parameters,
 )
-from softmodels.outline_start import starts
-from softmodels.simulated_outlines import Camera, simulated_outlines
-from softmodels.specimens import respond
-from softmodels.tensile import TensileCurve
-from softmodels.tensile_fit import StressError, residuals_of
+from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, fit_heights
+from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
+from softmodels.fitting.outlines.start import starts
+from softmodels.fitting.problem import CannotEvaluate, Prior
+from softmodels.materials.specimens import respond
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
 THIN = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
@@ -42,9 +42,9 @@ AWAY = {"scale": 0.003, "zero": 3e-5, "centre": 1e-3}
 @pytest.fixture(scope="module")
 def inflation(comm, tmp_path_factory):
     """Return a function that gives a device under a law, once for all tests."""
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.inflation import Inflation
+    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     folder, known = tmp_path_factory.mktemp("devices"), {}
 

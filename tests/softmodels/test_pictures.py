@@ -13,14 +13,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from geometries import HollowDisk
-from softmodels import pictures, plots, rendering, sections, stills, supply_table, triangles
-from softmodels.cutting import cut_open
-from softmodels.pages import Scale
-from softmodels.results import Results, ResultsError
-from softmodels.skin import CUT
-from softmodels.states import States
-from softmodels.supply import Syringe
-from softmodels.views import look
+from softmodels.case.case import supply_table
+from softmodels.path.syringe import Syringe
+from softmodels.pictures.cutting import cut_open
+from softmodels.pictures.draw import draw as pictures
+from softmodels.pictures.draw import plots, rendering, sections, stills
+from softmodels.pictures.pages import Scale
+from softmodels.pictures.views import look
+from softmodels.results.skin import CUT
+from softmodels.results.store import Results, ResultsError, triangles
+from softmodels.results.stored import States
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
 """Of the made-up results; see the fixtures."""

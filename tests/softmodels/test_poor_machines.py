@@ -9,7 +9,7 @@ import pytest
 RUN = """
 import sys
 from pathlib import Path
-import softmodels.bordered, softmodels.parallel
+import softmodels.mechanics.bordered, softmodels.mechanics.mpi
 {change}
 from softmodels.{module} import {names}
 {main}
@@ -17,8 +17,8 @@ from softmodels.{module} import {names}
 DISK = {"module": "disk", "names": "command, main", "main": "main(command)"}
 WHOLE = {"module": "__main__", "names": "main", "main": "main()"}
 SMALL = ("--pressure-cm", "0:20", "--section", "axisymmetric", "--no-pictures")
-NO_MEMORY = "softmodels.bordered.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well
-NO_SHARED_MEMORY = "softmodels.parallel.SHARED_MEMORY = Path('/proc/none')"
+NO_MEMORY = "softmodels.mechanics.bordered.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well
+NO_SHARED_MEMORY = "softmodels.mechanics.mpi.SHARED_MEMORY = Path('/proc/none')"
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc and /dev/shm are Linux's")

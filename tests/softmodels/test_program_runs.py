@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from softmodels.results import Results
+from softmodels.results.store import Results
 
 CASE = """
 name = "pair"

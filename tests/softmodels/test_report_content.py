@@ -13,10 +13,10 @@ from PIL import Image
 from geometries import HollowDisk, SeminarActuator
 from measurement import pictures as measured
 from measurement.page_style import RULES, VIEWPORT
-from softmodels import fit_pictures, report
-from softmodels.glossary import term
-from softmodels.states import States
-from softmodels.views import look
+from softmodels.pictures.draw import fit_pictures, report
+from softmodels.pictures.views import look
+from softmodels.results.glossary import term
+from softmodels.results.stored import States
 
 SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:120:60", "--quiet")
 """Stretches the silicone beyond what it was fitted over."""
@@ -136,10 +136,10 @@ def test_a_curled_edge_is_not_called_a_soft_contact():
     import dataclasses
 
     from geometries import HollowDisk
-    from softmodels.case import Case
-    from softmodels.material_table import DEFAULT
-    from softmodels.notes import depth_notes
-    from softmodels.obstacle import Obstacle
+    from softmodels.case.case import Case
+    from softmodels.case.material_table import DEFAULT
+    from softmodels.mechanics.contact import Obstacle
+    from softmodels.results.notes import depth_notes
 
     case = Case("disk", HollowDisk(), DEFAULT, (10.0,), obstacle=Obstacle("top", "z = 20 mm"))
     row = {"contact_depth_mm": 0.3}

@@ -8,8 +8,8 @@ import shutil
 import h5py
 import pytest
 
-from softmodels.case import Case
-from softmodels.results import Results
+from softmodels.case.case import Case
+from softmodels.results.store import Results
 
 SHADOW = '[geometry]\ndevice = "HollowDisk"\ncavity_radius = "20 mm"\nmembrane = "2 mm"\n'
 COARSE = 'wall = "5 mm"\ncavity_height = "5 mm"\ncell_size = "10 mm"\nrefinement = 1.0\nfillet = "0 mm"\nbase_fillet = "0 mm"\n'
@@ -60,9 +60,11 @@ def worst(found, wanted):
 @pytest.mark.parametrize("name", CASES)
 def test_resumed_equals_uninterrupted(name, tmp_path, monkeypatch):
     """Measured: 0 in most, 1e-10 at a bifurcation, which is interpolated; 5e-6 where a last digit had been rounded."""
-    from softmodels.running import run
+    from softmodels.cli.run import run
 
-    monkeypatch.setattr("softmodels.results.KEPT", 1000)  # the whole run's steps as they were before they were gathered
+    monkeypatch.setattr(
+        "softmodels.results.store.KEPT", 1000
+    )  # the whole run's steps as they were before they were gathered
 
     case = Case.from_toml(CASES[name])
     words = {"quiet": True, "draw": False}

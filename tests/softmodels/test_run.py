@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from softmodels.commandline import main
-from softmodels.compiling import wait_for_cache
+from softmodels.cli.options import main
 from softmodels.disk import command
+from softmodels.mechanics.compiling import wait_for_cache
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from softmodels.case import Case
-from softmodels.progress import Progress
+from softmodels.case.case import Case
+from softmodels.cli.progress import Progress
 
 COLUMNS = (
     "step", "pressure_cm", "pressure_Pa", "added_volume_ml", "apex_mm", "max_displacement_mm", "max_stretch",

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.commandline import main
-from softmodels.materials import Gent, NeoHookean, Ogden, Yeoh
-from softmodels.scoring import choice_of, score_curve, values_of
-from softmodels.specimens import respond
-from softmodels.tensile import TensileCurve
-from softmodels.tensile_fit import StressError
+from softmodels.cli.options import main
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.fit import StressError
+from softmodels.fitting.scoring import choice_of, score_curve, values_of
+from softmodels.materials.laws import Gent, NeoHookean, Ogden, Yeoh
+from softmodels.materials.specimens import respond
 
 LAW = Yeoh(8e3, 90.0, 0.5, 0.5)
 ERROR = StressError.from_text("2%+0.2kPa")

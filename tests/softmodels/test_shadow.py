@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.quadratic_curve import QuadraticCurve
-from softmodels.shadow import shadow_of
+from softmodels.fitting.outlines.shadow import shadow_of
+from softmodels.results.quadratic_curve import QuadraticCurve
 
 
 def surface(rim, pieces=40):

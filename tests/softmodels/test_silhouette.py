@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.law_choice import LawChoice
+from softmodels.fitting.law_parameters import LawChoice
 
 SECTION = HollowDisk(section="axisymmetric")
 WEDGE = HollowDisk(angle=30.0, azimuth=20.0)
@@ -15,9 +15,9 @@ ADDED = 0.6e-6
 
 @pytest.fixture(scope="module")
 def device(comm, tmp_path_factory):
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.inflation import Inflation
+    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     folder, known = tmp_path_factory.mktemp("devices"), {}
 

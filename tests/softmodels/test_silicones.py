@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.commandline import main
-from softmodels.silicones import PRODUCTS
+from softmodels.cli.options import main
+from softmodels.materials.silicones import PRODUCTS
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels.cutting import best_plane
-from softmodels.skin import CUT, OUTSIDE, skin_of
+from softmodels.pictures.cutting import best_plane
+from softmodels.results.skin import CUT, OUTSIDE, skin_of
 
 SHARP_DISK = {"cell_size": 0.004, "refinement": 1.0}
 SLAB = {"channels": 2, "spread": 40.0, "around": 8.0, "cell_size": 0.008}

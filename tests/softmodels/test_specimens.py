@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.homogeneous import MODES, nominal_stress, uniaxial_compressible
-from softmodels.materials import LAWS, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.specimens import log_strain_stiffness, nudged, parameter_names, respond
+from softmodels.materials.homogeneous import MODES, nominal_stress, uniaxial_compressible
+from softmodels.materials.laws import LAWS, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.specimens import log_strain_stiffness, nudged, parameter_names, respond
 
 L = np.array([0.6, 0.9, 1.0, 1.3, 2.0, 3.0])
 EXAMPLES = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.strain import HomogeneousStrain, Strain, eigenvalues
+from softmodels.materials.strain import HomogeneousStrain, Strain, eigenvalues
 
 STRETCHES = (1.3, 0.9, 1.1)
 NAMES = ("J", "I1", "I2", "I1_bar", "I2_bar")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.case import Case
-from softmodels.materials import NeoHookean
-from softmodels.results import Results
-from softmodels.stability_report import jumped_over
-from softmodels.supply import Syringe
+from softmodels.case.case import Case
+from softmodels.materials.laws import NeoHookean
+from softmodels.path.syringe import Syringe
+from softmodels.results.stability_report import jumped_over
+from softmodels.results.store import Results
 
 SHADOW = ("--variant", "shadow", "--support", "base", "--quiet")
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.fitting import FitError, Parameter, Prior, fit
-from softmodels.law_choice import ALL, LawChoice
-from softmodels.materials import LAWS
-from softmodels.specimens import MODE_NAMES, respond
-from softmodels.tensile import TensileCurve
-from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of
+from softmodels.fitting.law_parameters import ALL, LawChoice
+from softmodels.fitting.least_squares import FitError, Parameter, Prior, fit
+from softmodels.materials.laws import LAWS
+from softmodels.materials.specimens import MODE_NAMES, respond
 
 TRUTH = {
     "neo-hookean": {"shear_modulus": 20e3},

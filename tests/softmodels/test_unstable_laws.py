@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from softmodels.law_stability import check_rest, weakest, weakness
-from softmodels.materials import MaterialError, NeoHookean, Ogden, Yeoh
+from softmodels.materials.laws import MaterialError, NeoHookean, Ogden, Yeoh
+from softmodels.materials.stability import check_rest, weakest, weakness
 
 SOFTENING = Yeoh(10e3, -400.0, 0.0, 0.495)
 WORDS = ("--variant", "shadow", "--material", "yeoh", "--c1", "10kPa", "--c2=-0.4kPa", "--poisson", "0.495")

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.believable import expected, objection
-from softmodels.fit_problem import FitError
-from softmodels.materials import NeoHookean, Yeoh
-from softmodels.pressure_course import Row, contradictions
-from softmodels.wrong_rows import by_course
+from softmodels.fitting.believable import expected, objection
+from softmodels.fitting.outlines.pressure_course import Row, contradictions
+from softmodels.fitting.outlines.wrong_rows import by_course
+from softmodels.fitting.problem import FitError
+from softmodels.materials.laws import NeoHookean, Yeoh
 
 HEIGHTS = np.linspace(0.5e-3, 4.2e-3, 7)
 UNIT = 120.0 * HEIGHTS * (1 + 2e4 * HEIGHTS**2)

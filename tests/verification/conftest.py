@@ -335,7 +335,7 @@ def tube_body():
     """
     import ufl
 
-    from softmodels.body import Body
+    from softmodels.mechanics.body import Body
 
     class TubeBody(Body):
         def volume_integrand(self, w):
@@ -367,7 +367,7 @@ def outside_body(tube_body):
 @pytest.fixture(scope="session")
 def body_of(comm, tmp_path_factory):
     """Return a function that meshes an actuator and reads it, once for all tests."""
-    from softmodels.body import Body
+    from softmodels.mechanics.body import Body
 
     folder = tmp_path_factory.mktemp("bodies")
     known = {}
@@ -387,8 +387,8 @@ def equilibrium(body_of):
 
     A state of the equations belongs to the test that asks: every use begins with a solve or with values of its own.
     """
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     known = {}
 
@@ -410,8 +410,8 @@ def solved(equilibrium):
 
     The points end where the path does; `PathEnd` is the third value then, else None.
     """
-    from softmodels.loading import Path, trace
-    from softmodels.points import PathEnd
+    from softmodels.path.continuation import Path, trace
+    from softmodels.path.points import PathEnd
 
     def solve(equations, goals, control="auto", quantity="pressure", **options):
         path = Path(equations, control, quantity, **options)

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from geometries import HollowDisk, ImportedActuator, SeminarActuator
-from softmodels.parallel import abort_on_error, is_root, start
+from softmodels.mechanics.mpi import abort_on_error, is_root, start
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
 SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
@@ -31,13 +31,13 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
     """Key figures by state; the same on every rank."""
     import numpy as np
 
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.fields import Fields
-    from softmodels.loading import Path as LoadPath
-    from softmodels.loading import trace
-    from softmodels.materials import NeoHookean, Yeoh
-    from softmodels.points import PathEnd
+    from softmodels.materials.laws import NeoHookean, Yeoh
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.path.continuation import Path as LoadPath
+    from softmodels.path.continuation import trace
+    from softmodels.path.points import PathEnd
+    from softmodels.results.fields import Fields
 
     found = {}
     for name, device, file in (("wedge", WEDGE, wedge), ("slab", SLAB, slab)):
@@ -67,11 +67,11 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
 
 def program(comm, pair: Path) -> list[float]:
     """Pressures, volumes, rise and signature at the steps of a program."""
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.fields import Fields
-    from softmodels.materials import NeoHookean
-    from softmodels.program import Series, follow
+    from softmodels.materials.laws import NeoHookean
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.path.schedule import Series, follow
+    from softmodels.results.fields import Fields
 
     equations = Equilibrium(Body.from_file(pair_of(pair.with_suffix(".step")), pair, comm), NeoHookean(30e3, 0.49))
     fields, found = Fields(equations), []
@@ -92,9 +92,9 @@ def bifurcation(equations) -> dict[str, list[float]]:
     """Volume and pressure where two equal membranes begin to differ, and some states further along that branch."""
     import itertools
 
-    from softmodels.branching import follow
-    from softmodels.loading import Path as LoadPath
-    from softmodels.loading import trace
+    from softmodels.path.branching import follow
+    from softmodels.path.continuation import Path as LoadPath
+    from softmodels.path.continuation import trace
 
     path = LoadPath(equations, "auto", "volume", largest_step=2.0)
     first = next(point for point in trace(path, [12.0]) if point.bifurcation)
@@ -109,12 +109,12 @@ def rates(equations, added: float) -> list[float]:
     """Derivatives of a state's pressure and of its outline, and the outline's distances from some points."""
     import numpy as np
 
-    from softmodels.controls import volume_control
-    from softmodels.loading import Path as LoadPath
-    from softmodels.loading import trace
-    from softmodels.reshaping import Reshaping
-    from softmodels.sensitivity import Sensitivity
-    from softmodels.silhouette import Silhouette
+    from softmodels.fitting.outlines.silhouette import Silhouette
+    from softmodels.mechanics.controls import volume_control
+    from softmodels.mechanics.morphing import Reshaping
+    from softmodels.mechanics.sensitivity import Sensitivity
+    from softmodels.path.continuation import Path as LoadPath
+    from softmodels.path.continuation import trace
 
     moving = Reshaping(equations.body, ("membrane",))
     sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations)

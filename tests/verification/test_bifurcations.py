@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from softmodels.branching import follow
-from softmodels.fields import Fields
-from softmodels.materials import MooneyRivlin, NeoHookean
+from softmodels.materials.laws import MooneyRivlin, NeoHookean
+from softmodels.path.branching import follow
+from softmodels.results.fields import Fields
 
 RUBBER = MooneyRivlin(45e3, 5e3, 0.5)
 SOFT = NeoHookean(100e3, 0.5)

@@ -8,11 +8,11 @@ import pytest
 from mpi4py import MPI
 
 from geometries import HollowDisk
-from softmodels.body import Body
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.loading import Path, trace
-from softmodels.materials import Yeoh
+from softmodels.materials.laws import Yeoh
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.path.continuation import Path, trace
+from softmodels.results.fields import Fields
 
 DEVICES = 3
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from softmodels.dead_pressure import cycle
-from softmodels.homogeneous import balloon_pressure
-from softmodels.loading import Path
-from softmodels.materials import NeoHookean, Yeoh
-from softmodels.points import PathEnd
+from softmodels.materials.homogeneous import balloon_pressure
+from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.path.continuation import Path
+from softmodels.path.points import PathEnd
+from softmodels.path.pressure_cycle import cycle
 
 THIN = 0.01
 RUBBER = Yeoh(50e3, 150.0, 12.0, 0.5)

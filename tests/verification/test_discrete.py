@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.materials import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.strain import HomogeneousStrain
+from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.strain import HomogeneousStrain
 
 LAWS = {
     "neo-hookean": NeoHookean(100e3, 0.45),
@@ -185,7 +185,7 @@ GRADIENT = np.array([[1.3, 0.2, -0.1], [0.05, 0.9, 0.3], [-0.2, 0.1, 1.1]])
 
 
 def exactness(law):
-    """Ogden's stretches carry the smoothing of `softmodels.strain.eigenvalues`, 1e-8 of the strain's own size."""
+    """Ogden's stretches carry the smoothing of `softmodels.materials.strain.eigenvalues`, 1e-8 of the strain's own size."""
     return 3e-8 if isinstance(law, Ogden) else 1e-10
 
 
@@ -236,7 +236,7 @@ def test_block_under_pressure_from_all_sides(law, section, bodies, equilibrium):
     """A real solve whose answer is homogeneous, up to the solver's own tolerance: J is the root of dW/dJ = -P."""
     from scipy.optimize import brentq
 
-    from softmodels.controls import pressure_control
+    from softmodels.mechanics.controls import pressure_control
 
     law = dataclasses.replace(law, poisson=0.3)
     equations = equilibrium(bodies.Block(section=section, cells=2), law)

@@ -13,8 +13,8 @@ import pytest
 
 from geometries import HollowDisk
 from measurement.units import pascal_per_cm
-from softmodels.fields import Fields
-from softmodels.materials import NeoHookean
+from softmodels.materials.laws import NeoHookean
+from softmodels.results.fields import Fields
 
 COLUMNS = (70.0, 130.0, 177.0)
 CM = pascal_per_cm()

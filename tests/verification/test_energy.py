@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.fields import Fields
-from softmodels.materials import NeoHookean, Yeoh
+from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.results.fields import Fields
 
 
 def work(points):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.homogeneous import sphere_pressure
-from softmodels.materials import NeoHookean
-from softmodels.sheet import Sheet
+from softmodels.materials.homogeneous import sphere_pressure
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.sheet import Sheet
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.results.fields import Fields
 
 STRETCH = 1.4
 

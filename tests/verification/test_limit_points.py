@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.body import CAVITY
-from softmodels.homogeneous import balloon_limit
-from softmodels.materials import NeoHookean
+from softmodels.materials.homogeneous import balloon_limit
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.body import CAVITY
 
 THIN = 0.01  # thickness over middle radius
 RUBBER = NeoHookean(100e3, 0.5)

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from measurement.__main__ import main as measurement
 from measurement.units import pascal_per_cm
-from softmodels import demo
-from softmodels.fit_command import fit_material
+from softmodels.cli import demo
+from softmodels.cli.fit_command import fit_material
 
 PRESSURES = tuple(cm * pascal_per_cm() for cm in (35.0, 80.0, 125.0, 177.0))
 SILICONES = {

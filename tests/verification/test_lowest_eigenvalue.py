@@ -11,10 +11,10 @@ import scipy.linalg
 import scipy.sparse
 
 from geometries import HollowDisk
-from softmodels import stability
-from softmodels.equilibrium import NoConvergence
-from softmodels.lanczos import lowest
-from softmodels.materials import NeoHookean, Yeoh
+from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.mechanics.solver import NoConvergence
+from softmodels.path import stability
+from softmodels.path.lanczos import lowest
 
 COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
 DISK = HollowDisk.variant("shadow", section="axisymmetric", **COARSE)
@@ -116,7 +116,7 @@ def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
     equations, points = ballooned
     watched = stability.Stability.of(equations)
     equations.factorise(points[-1].state)
-    monkeypatch.setattr("softmodels.lanczos.MOST_STEPS", 3)
+    monkeypatch.setattr("softmodels.path.lanczos.MOST_STEPS", 3)
     assert math.isnan(watched.lowest())
     # Nor is one taken where the matrix has fewer negative eigenvalues than it is said to have, or more.
     monkeypatch.undo()

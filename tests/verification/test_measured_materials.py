@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.fit_comparison import compare
-from softmodels.law_choice import LawChoice
-from softmodels.law_stability import judge
-from softmodels.materials import Ogden
-from softmodels.silicones import SILICONES
-from softmodels.specimens import respond
-from softmodels.tensile import read_curve
-from softmodels.tensile_fit import StressError, fit_law, largest_strain, residuals_of
+from softmodels.fitting.comparison import compare
+from softmodels.fitting.curves.curve import read_curve
+from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.materials.laws import Ogden
+from softmodels.materials.silicones import SILICONES
+from softmodels.materials.specimens import respond
+from softmodels.materials.stability import judge
 
 MODES = {"UT": "uniaxial", "PS": "planar", "ET": "equibiaxial"}
 OGDEN_MU, OGDEN_ALPHA = (0.63e6, 0.0012e6, -0.01e6), (1.3, 5.0, -2.0)

@@ -10,13 +10,13 @@ import pytest
 from scipy.optimize import fsolve
 
 from geometries import HollowDisk
-from softmodels.case import Case, CaseError
-from softmodels.controls import pressure_control
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.materials import NeoHookean
-from softmodels.obstacle import ONSET, Obstacle, ObstacleError
-from softmodels.strain import HomogeneousStrain
+from softmodels.case.case import Case, CaseError
+from softmodels.materials.laws import NeoHookean
+from softmodels.materials.strain import HomogeneousStrain
+from softmodels.mechanics.contact import ONSET, Obstacle, ObstacleError
+from softmodels.mechanics.controls import pressure_control
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.results.fields import Fields
 
 SOFT = NeoHookean(30e3, 0.3)
 RUBBER = NeoHookean(30e3, 0.49)
@@ -28,7 +28,7 @@ PRESSED = 0.5
 @pytest.fixture(scope="module")
 def pressed(body_of):
     """The disk's section under a plate: its equations, its path, and its figures at the end."""
-    from softmodels.loading import Path, trace
+    from softmodels.path.continuation import Path, trace
 
     equations = Equilibrium(body_of(SECTION), RUBBER, obstacle=PLATE)
     points = list(trace(Path(equations, largest_step=PRESSED / 25), [PRESSED]))

@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from softmodels.body import Body
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.materials import MooneyRivlin, NeoHookean
+from softmodels.materials.laws import MooneyRivlin, NeoHookean
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.results.fields import Fields
 
 PLATES = [(5.0, 2, NeoHookean(50e3, 0.5)), (2.0, 1, MooneyRivlin(20e3, 5e3, 0.5))]
 """Length over thickness, largest number of half waves looked at, and law."""

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from geometries import ImportedActuator
-from softmodels import program as programs
-from softmodels.materials import NeoHookean
-from softmodels.program import Series
+from softmodels.materials.laws import NeoHookean
+from softmodels.path import schedule as programs
+from softmodels.path.schedule import Series
 
 RUBBER = NeoHookean(100e3, 0.499)
 CM = 95.1235  # Pa
@@ -86,9 +86,9 @@ def alone(bodies, equilibrium):
 @pytest.fixture(scope="module")
 def run(balloons, body_of):
     """Return a function that takes both balloons through a program: points with how far they have come, and the end."""
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.fields import Fields
-    from softmodels.points import PathEnd
+    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.path.points import PathEnd
+    from softmodels.results.fields import Fields
 
     def through(*series, device=balloons):
         eq = Equilibrium(body_of(device), RUBBER)
@@ -213,8 +213,8 @@ def test_back_to_nothing(part, run):
 
 
 def test_like_series_are_one_pressure(part, run, body_of, solved):
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.fields import Fields
+    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.results.fields import Fields
 
     points, _ = run(Series("pressure_cm", (50.0,)), Series("pressure_cm", (25.0,)), device=part)
     eq = Equilibrium(body_of(dataclasses.replace(part, pressure_ratios=(1.0, 0.5))), RUBBER)
@@ -250,7 +250,7 @@ def test_like_series_are_one_pressure(part, run, body_of, solved):
     ],
 )
 def test_what_cannot_be_meant_is_said(part, tables, message):
-    from softmodels.case import Case, CaseError
+    from softmodels.case.case import Case, CaseError
 
     with pytest.raises(CaseError, match=message):
         Case.from_toml(_toml(part, tables))
@@ -269,7 +269,7 @@ def _toml(part, tables):
 
 
 def test_case_file_keeps_the_program(part):
-    from softmodels.case import Case
+    from softmodels.case.case import Case
 
     case = Case.from_toml(_toml(part, {"cavity1": {"pressure_cm": "0,20,40"}, "cavity2": {"volume_ml": 0}}))
     assert case.program == (Series("pressure_cm", (0.0, 20.0, 40.0)), Series("volume_ml", (0.0, 0.0, 0.0)))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from geometries import SeminarActuator
-from softmodels.fields import Fields
-from softmodels.silicones import SILICONES
+from softmodels.materials.silicones import SILICONES
+from softmodels.results.fields import Fields
 
 LAW = SILICONES["ecoflex-00-30"].material
 COARSE = {"channels": 1, "spread": 20.0, "around": 4.0, "cell_size": 0.006}
@@ -49,8 +49,8 @@ def test_channels_in_the_middle_lift_nothing(inflated):
 
 def test_mirrored_channels_lift_the_other_way(inflated, comm, solved, tmp_path):
     """The mirrored slab on the mirror image of the mesh, node by node: what is left is the solver's tolerance."""
-    from softmodels.body import Body
-    from softmodels.equilibrium import Equilibrium
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
 
     file = SeminarActuator(**COARSE).write(tmp_path / "slab.msh")
     body = Body.from_file(SeminarActuator(**COARSE, offset=-SeminarActuator().offset), file, comm)
@@ -96,8 +96,8 @@ def test_figures_tell_of_one_tip(inflated):
 
 
 def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
-    from softmodels.equilibrium import Equilibrium
-    from softmodels.sheet import Sheet
+    from softmodels.mechanics.sheet import Sheet
+    from softmodels.mechanics.solver import Equilibrium
 
     plain = inflated()[-1]
     equations = Equilibrium(body_of(SeminarActuator(**COARSE)), LAW, sheet=Sheet("bottom", 1000.0))
@@ -149,7 +149,7 @@ def test_held_tip_pushes(inflated, equilibrium):
     # A free tip carries nothing.
     slab = SeminarActuator(**COARSE)
     equations = equilibrium(slab, LAW)
-    from softmodels.loading import Path, trace
+    from softmodels.path.continuation import Path, trace
 
     *_, last = trace(Path(equations), [PRESSURES[-1] / equations.stress_unit])
     equations.load(last.state)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, HollowDisk
-from softmodels.controls import pressure_control, volume_control
-from softmodels.equilibrium import Equilibrium
-from softmodels.materials import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.reshaping import Reshaping
-from softmodels.sensitivity import Sensitivity, known_parameters
-from softmodels.sheet import Sheet
+from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.mechanics.controls import pressure_control, volume_control
+from softmodels.mechanics.morphing import Reshaping
+from softmodels.mechanics.sensitivity import Sensitivity, known_parameters
+from softmodels.mechanics.sheet import Sheet
+from softmodels.mechanics.solver import Equilibrium
 
 LAWS = {
     "neo-hookean": NeoHookean(30e3, 0.45),

@@ -12,12 +12,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.case import Case, CaseError
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.homogeneous import sphere_pressure
-from softmodels.materials import MaterialError, NeoHookean
-from softmodels.sheet import Sheet
+from softmodels.case.case import Case, CaseError
+from softmodels.materials.homogeneous import sphere_pressure
+from softmodels.materials.laws import MaterialError, NeoHookean
+from softmodels.mechanics.sheet import Sheet
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.results.fields import Fields
 
 LAW = NeoHookean(30e3, 0.5)
 STRETCHES = np.array([1.1, 1.3, 1.6])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.discrete import State
-from softmodels.equilibrium import Equilibrium
-from softmodels.loading import Path, trace
-from softmodels.materials import NeoHookean
-from softmodels.sheet import Sheet
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.sheet import Sheet
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.system import State
+from softmodels.path.continuation import Path, trace
 
 COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
 DISK = HollowDisk.variant("shadow", section="axisymmetric", **COARSE)

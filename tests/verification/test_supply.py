@@ -9,9 +9,9 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from geometries import HollowDisk
-from softmodels.homogeneous import balloon_pressure
-from softmodels.materials import NeoHookean
-from softmodels.supply import Stroke, Syringe
+from softmodels.materials.homogeneous import balloon_pressure
+from softmodels.materials.laws import NeoHookean
+from softmodels.path.syringe import Stroke, Syringe
 
 THIN = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
 ML = 1e-6

@@ -1,4 +1,4 @@
-"""Thick-walled spheres and tubes against the closed integrals of `softmodels.homogeneous`.
+"""Thick-walled spheres and tubes against the closed integrals of `softmodels.materials.homogeneous`.
 
 Both walls are incompressible, so the cavity's volume gives the stretch of the inner wall and the pressure follows in closed
 form. A path under volume control meets the stretches exactly, past the pressure's limit point too, and what is left is the
@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.fields import Fields
-from softmodels.homogeneous import sphere_pressure, tube_pressure
-from softmodels.materials import NeoHookean, Ogden, Yeoh
+from softmodels.materials.homogeneous import sphere_pressure, tube_pressure
+from softmodels.materials.laws import NeoHookean, Ogden, Yeoh
+from softmodels.results.fields import Fields
 
 STRETCHES = (1.1, 1.4, 1.8)
 LEAST_RATE = 2.7

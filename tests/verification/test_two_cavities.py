@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from geometries import ImportedActuator
-from softmodels.case import Case
-from softmodels.equilibrium import Equilibrium
-from softmodels.fields import Fields
-from softmodels.materials import NeoHookean
+from softmodels.case.case import Case
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.results.fields import Fields
 
 LAW = NeoHookean(30e3, 0.49)
 GOAL = 6e3

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from softmodels.fields import Fields
-from softmodels.materials import NeoHookean
+from softmodels.materials.laws import NeoHookean
+from softmodels.results.fields import Fields
 
 
 @pytest.mark.parametrize("poisson", (0.45, 0.5))

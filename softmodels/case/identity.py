@@ -1,0 +1,62 @@
+"""What a run's numbers depend on, as texts by name: two runs with the same texts have the same numbers.
+
+Every field of a case counts but those of `MAY_GROW`, and of each field everything inside it, so that a field of tomorrow
+cannot be forgotten. Files count by their content, wherever they lie.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from softmodels.case.case import Case
+
+MAY_GROW = ("pressures_cm", "volumes_ml", "strokes_ml", "program")
+"""Fields of a case with the requested values: a run that is gone on with may be asked for more. They are checked apart."""
+
+
+def identity(case: Case) -> dict[str, str]:
+    """Everything that decides a case's numbers: texts by dotted names, such as ``"material.c1"``.
+
+    Raises:
+        CaseError: A file that the case names cannot be read.
+    """
+    texts = dict(_texts("", case))
+    for name, path in case.actuator.files.items():
+        texts[f"actuator.{name}"] = f"SHA-256 {digest(path)}"
+    return texts
+
+
+def digest(path: Path | str) -> str:
+    """SHA-256 of a file's content."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
+    """The first name under which two identities differ, requested values aside; None if there is none."""
+    for name in [*new, *(name for name in old if name not in new)]:
+        if name.split(".")[0] not in MAY_GROW and old.get(name) != new.get(name):
+            return name
+    return None
+
+
+def _texts(name: str, value: Any) -> Iterator[tuple[str, str]]:
+    if not dataclasses.is_dataclass(value):
+        yield name, _text(value)
+        return
+    if name:
+        yield name, type(value).__name__
+    for field in dataclasses.fields(value):
+        yield from _texts(f"{name}.{field.name}" if name else field.name, getattr(value, field.name))
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, tuple | list):
+        return f"({', '.join(map(_text, value))})"
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return repr(float(value))  # 10 and 10.0 are one number
+    return repr(value)

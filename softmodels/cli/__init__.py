@@ -1,0 +1,1 @@
+"""The commands: what is asked, how it is run, what is printed and with which exit status."""

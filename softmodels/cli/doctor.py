@@ -1,0 +1,153 @@
+"""``softmodels doctor``: what is installed, in which version, and whether a small solve works."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import os
+import platform
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+PACKAGES = {
+    "gmsh": "gmsh",
+    "numpy": "numpy",
+    "scipy": "scipy",
+    "h5py": "h5py",
+    "pyvista": "pyvista",
+    "vtk": "vtk",
+    "mpi4py": "mpi4py",
+    "fenics-ufl": "ufl",
+    "fenics-basix": "basix",
+    "fenics-ffcx": "ffcx",
+}
+EXPECTED_MM = 1.305
+"""Apex rise in mm of the default disk at 54.15 cm of water on a coarse section; the solve must come within 2 %."""
+
+
+def doctor() -> None:
+    """Print one line per check and exit with 1 if any failed."""
+    checks: list[tuple[str, Callable[[], str]]] = [
+        ("python", lambda: f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
+        *((name, lambda name=name, module=module: _version(name, module)) for name, module in PACKAGES.items()),  # type: ignore[misc]
+        ("dolfinx", _dolfinx),
+        ("petsc", _petsc),
+        ("mpi", _mpi),
+        ("mpirun", lambda: _program("mpirun", "mpirun", str(Path(sys.executable).with_name("mpirun")))),
+        ("compiler", _compiler),
+        ("cache", _cache),
+        ("solve", _solve),
+    ]
+    failed = 0
+    for name, check in checks:
+        try:
+            print(f"ok      {name:13s} {check()}", flush=True)
+        except Exception as error:
+            failed += 1
+            print(f"FAILED  {name:13s} {error}", flush=True)
+    print("all is well" if not failed else f"{failed} of {len(checks)} checks failed; the README says how to install")
+    sys.exit(1 if failed else 0)
+
+
+def _version(name: str, module: str) -> str:
+    version = importlib.metadata.version(name)
+    if module not in ("gmsh", "vtk", "pyvista", "h5py"):  # drawing and HDF5 are imported where they are used
+        importlib.import_module(module)
+    return version
+
+
+def _dolfinx() -> str:
+    from softmodels.mechanics.mpi import start
+
+    start()
+    import dolfinx
+
+    if not dolfinx.__version__.startswith("0.11"):
+        raise RuntimeError(f"version {dolfinx.__version__}; softmodels is written for 0.11")
+    return str(dolfinx.__version__)
+
+
+def _petsc() -> str:
+    from softmodels.mechanics.mpi import start
+
+    start()  # without shared memory an import would end the process
+    from petsc4py import PETSc
+
+    matrix = PETSc.Mat().createAIJ((1, 1), comm=PETSc.COMM_SELF)
+    matrix.setUp()
+    matrix.setValue(0, 0, 1.0)
+    matrix.assemble()
+    pc = PETSc.PC().create(PETSc.COMM_SELF)
+    pc.setOperators(matrix)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setUp()  # raises where PETSc was built without MUMPS
+    return f"{'.'.join(map(str, PETSc.Sys.getVersion()))}, {np.dtype(PETSc.ScalarType)}, with MUMPS"
+
+
+def _mpi() -> str:
+    from softmodels.mechanics.mpi import start
+
+    start()
+    from mpi4py import MPI
+
+    return MPI.Get_library_version().splitlines()[0].strip().rstrip("\0")
+
+
+def _program(what: str, *names: str) -> str:
+    found = next((path for name in names if (path := shutil.which(name))), None)
+    if found is None:
+        raise RuntimeError(f"{what} is not on the PATH")
+    return found
+
+
+def _compiler() -> str:
+    names = [os.environ["CC"].split()[0]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
+    try:
+        return _program("a C compiler", *names)
+    except RuntimeError:
+        raise RuntimeError(
+            "no C compiler; the equations are compiled at run time (Debian: apt-get install gcc)"
+        ) from None
+
+
+def _cache() -> str:
+    folder = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "fenics"
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+    return f"{folder} ({len(list(folder.glob('*.so')))} compiled forms)"
+
+
+def _solve() -> str:
+    """Inflate the default disk's section to about a third of its working pressure."""
+    from geometries import HollowDisk
+    from softmodels.case.material_table import DEFAULT
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.mpi import start
+    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.path.continuation import Path as LoadPath
+    from softmodels.path.continuation import trace
+    from softmodels.results.fields import Fields
+
+    comm = start()
+    disk = HollowDisk(section="axisymmetric")
+    with tempfile.TemporaryDirectory() as folder:
+        body = Body.from_file(disk, disk.write(Path(folder) / "disk.msh"), comm)
+    started = time.perf_counter()
+    equilibrium = Equilibrium(body, DEFAULT)
+    prepared = time.perf_counter()
+    *_, last = trace(LoadPath(equilibrium), [5150.0 / equilibrium.stress_unit])
+    rise = Fields(equilibrium).figures(last.state).rises["apex"] * 1e3
+    if abs(rise / EXPECTED_MM - 1) > 0.02:
+        raise RuntimeError(f"the test disk rose {rise:.4f} mm where {EXPECTED_MM} mm were expected")
+    return (
+        f"apex {rise:.4f} mm at 5.15 kPa; equations ready in {prepared - started:.1f} s, "
+        f"path in {time.perf_counter() - prepared:.2f} s"
+    )

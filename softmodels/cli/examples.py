@@ -1,0 +1,183 @@
+"""``softmodels examples``: small files to try every command with, made from seeds when asked for.
+
+A device whose silicone is known is simulated and photographed as in `softmodels.cli.demo`, but small; its tensile curve, boards
+for the camera's lens, a part from a STEP file and a case of each kind stand beside it. Files that exist are left alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import click
+import numpy as np
+
+from measurement.synthetic import Scene, save
+from measurement.synthetic_boards import chessboard
+from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
+from softmodels.cli.example_cases import CASES
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.materials.homogeneous import nominal_stress
+
+MEGAPIXELS = 3.8
+LENS = (-0.06, 0.02)
+"""The camera's k1 and k2: straight lines of the grid are bent by some pixels."""
+POSES = [(0, 0), (20, 0), (-20, 12), (8, 25), (12, -25), (-12, -18), (0, 30), (25, 8), (-25, -8), (15, 15)]
+"""Tilt and pan in degrees under which the board is seen."""
+SIDE = 0.025
+"""Side of the board's squares in m."""
+NOISE = 150.0
+"""Standard deviation of the tensile curve's stress in Pa."""
+
+README = """Made by `softmodels examples` from fixed seeds: nothing here was measured.
+
+boards/*.jpg       a chessboard of 10 x 7 squares of 25 mm (9 x 6 inner corners), through the bench's lens
+photographs/       grid.jpg: the screen's grid of 9 mm alone; 4 to 13: a disk at rest and at nine pressures; photos.csv: the
+                   levels of the water column's two tubes, which loses 1 % of its largest pressure by a leak
+disk.toml          the disk of the photographs, its silicone not yet known
+pull.csv           a tensile test of its silicone
+truth.txt          what it is made of
+mypart.step        a part with two cavities, mypart.toml the case of it, program.toml one with a series for each cavity
+*.toml             cases: volume, syringe, cycle, contact, sheet (seminar)
+
+Try them as the README of softmodels shows, for example
+
+    uv run softmodels run examples/volume.toml
+    uv run softmodels fit --tensile examples/pull.csv --material yeoh
+"""
+
+
+class Folder:
+    """Where examples go; never writes over a file.
+
+    Attributes:
+        written: What was written.
+        kept: What was there already.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.written: list[Path] = []
+        self.kept: list[Path] = []
+
+    def add(self, name: str, make: Callable[[Path], object]) -> None:
+        """Make a file by a function that takes its path, unless something of that name is there."""
+        path = self.path / name
+        if path.exists() or path.is_symlink():
+            self.kept.append(path)
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        make(path)
+        self.written.append(path)
+
+
+def bench() -> Scene:
+    """The demo's camera with a smaller sensor and a lens that bends."""
+    return dataclasses.replace(scene_of(MEGAPIXELS), distortion=LENS)
+
+
+def board_scenes() -> Iterator[Scene]:
+    """The same camera in front of a board: near enough that it fills the picture, the corners too over all poses."""
+    scene = bench()
+    for tilt, pan in POSES:
+        yield dataclasses.replace(
+            scene, tilt=float(tilt), pan=float(pan), roll=0.0, pixel_size=1.35 * 10 * SIDE / scene.width
+        )
+
+
+def tensile_curve() -> str:
+    """A tensile test of the device's silicone to stretch 3, with noise, as a machine's table."""
+    law = LawChoice.from_text(TRUTH.law, TRUTH.poisson).material(TRUTH.values)
+    stretch = np.linspace(1.0, 3.0, 201)[1:]
+    noisy = nominal_stress(law, stretch) + NOISE * np.random.default_rng(30).standard_normal(len(stretch))
+    lines = [f"{100 * (x - 1):.1f},{y / 1e3:.4f}" for x, y in zip(stretch, noisy, strict=True)]
+    about = f"# computed, not measured: {told_truth()}; noise of {NOISE:g} Pa, seed 30"
+    return "\n".join([about, "strain (%),stress (kPa)", *lines]) + "\n"
+
+
+def told_truth() -> str:
+    """What the example's silicone is."""
+    values = ", ".join(f"{name} = {value / 1e3:g} kPa" for name, value in TRUTH.values.items())
+    return f"{TRUTH.law}, {values}, Poisson's ratio {TRUTH.poisson:g}"
+
+
+def part(path: Path) -> None:
+    """A block of 20 x 10 x 10 mm with two flat cavities above each other, 1.5 mm apart, as a STEP file."""
+    import gmsh  # type: ignore[import-untyped]
+
+    from geometries.meshing import private_model
+
+    with private_model():
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        block = gmsh.model.occ.addBox(0, -5, -5, 20, 10, 10)
+        holes = [gmsh.model.occ.addBox(6, -3, z, 10, 6, 2.0) for z in (0.75, -2.75)]
+        gmsh.model.occ.cut([(3, block)], [(3, hole) for hole in holes])
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+
+
+def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) -> Folder:
+    """Write all examples into a folder.
+
+    Args:
+        path: The folder; made if missing.
+        tell: Gets a sentence now and then.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    folder = Folder(path)
+    folder.add("README.txt", lambda file: file.write_text(README, encoding="utf-8"))
+    for name, text in CASES.items():
+        folder.add(name, lambda file, text=text: file.write_text(text, encoding="utf-8"))  # type: ignore[misc]
+    folder.add("pull.csv", lambda file: file.write_text(tensile_curve(), encoding="utf-8"))
+    folder.add("truth.txt", lambda file: file.write_text(f"{told_truth()}, a leak of 1 %\n", encoding="utf-8"))
+    from geometries.apart import apart
+
+    folder.add("mypart.step", lambda file: apart(part, file))
+    tell("photographing the board")
+    for number, scene in enumerate(board_scenes(), 1):
+        folder.add(f"boards/board{number:02d}.jpg",
+                   lambda file, scene=scene, n=number: save(file, chessboard(scene, side=SIDE, seed=n)))  # type: ignore[misc]  # fmt: skip
+    folder.add("photographs", lambda file: photographs(file, tell))
+    return folder
+
+
+def photographs(folder: Path, tell: Callable[[str], None]) -> None:
+    """The grid alone and the inflated disk, with the table of the column's levels."""
+    from softmodels.mechanics.mpi import start
+
+    tell("simulating the disk that is photographed (compiled the first time, half a minute)")
+    _, halves = inflated(TRUTH, start())
+    take_photographs(folder, TRUTH, halves, bench(), tell)
+    (folder / "IMG_0100.JPG").rename(folder / "grid.jpg")
+
+
+@click.command("examples")
+@click.option("-o", "--output", default=Path("examples"), show_default=True, type=click.Path(path_type=Path))
+def examples(output: Path) -> None:
+    """Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.
+
+    Takes about a minute. What is in the folder already is left alone.
+    Exit status: 0 written, 1 failed, 2 the folder cannot be written.
+    """
+    from measurement.output_place import status_of, trouble
+    from softmodels.cli.options import fail
+
+    if why := trouble(output):
+        fail(f"the folder {output} cannot be written ({why})")
+    try:
+        folder = write_examples(output, click.echo)
+    except OSError as error:
+        fail(f"the examples cannot be written ({error.strerror or error})", status_of(error))
+    except ImportError as error:
+        fail(
+            f"{error}; the photographs need FEniCSx (softmodels doctor tells what is missing); the rest is in {output}",
+            1,
+        )
+    for path in folder.kept:
+        click.echo(f"{path} was there already and is left alone")
+    count = len(folder.written) + len(folder.kept)
+    click.echo(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt says what is what")

@@ -1,0 +1,147 @@
+"""The command ``score``: laws, named silicones and fitted materials held against measurements that they were not fitted to."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import click
+
+from geometries.options import QuantityType
+from measurement.output_option import FolderType, open_folder
+from measurement.output_place import status_of
+from measurement.own_folder import OwnFolderError
+from measurement.units import UnitError
+from softmodels.cli.curve_command import read_material
+from softmodels.cli.options import fail
+from softmodels.cli.tensile_options import read_curves, specimen_options, tensile_option
+from softmodels.fitting.curves.curve import TensileError
+from softmodels.fitting.curves.fit import RELATIVE, StressError
+from softmodels.fitting.least_squares import FitError
+from softmodels.fitting.scoring import Score, score_curve, score_outlines, write_scores
+from softmodels.materials.laws import Material, MaterialError
+from softmodels.mechanics.mpi import speaks
+
+
+@click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("files", metavar="[CASE.toml OUTLINES...]", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--material", "names", multiple=True, metavar="NAME[:KEY=VALUE,...]",
+              help="Silicone, TOML file such as fitted.toml, or law with numbers; several are compared.")  # fmt: skip
+@tensile_option()
+@click.option("--stretch", metavar="FROM:TO", help="Range of stretch of the curves.  [default: the whole curves]")
+@click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
+              help="Standard error of the measured stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
+@click.option("--untrusted", is_flag=True, help="Take outlines that the measurement does not trust, too.")
+@specimen_options
+@click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
+@click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("-o", "--output", type=FolderType(), help="Folder for the table scores.csv.  [default: results/score; "
+              "results/score-2 and so on where that holds other scores]")  # fmt: skip
+def score(files: tuple[Path, ...], names: tuple[str, ...], output: Path | None, quiet: bool, **options: Any) -> None:
+    """Score materials against held-out tensile curves, or against outlines of a device.
+
+    Nothing of the material is fitted. For each measurement: the root mean square of predicted less measured, chi squared per
+    value (1 is as good as the measurement; a law that is 10 standard errors off has 100), how many values lie within the
+    95 % band of the measurement's error, and where the material is furthest off. With outlines, what the bench may have got
+    wrong (an offset of the pressure, a leak, the zero plane) is fitted along, as in a fit.
+
+    \b
+    Examples:
+      softmodels score --material ecoflex-00-30 --material ecoflex-00-30/liao-2021 --tensile pull.csv --stretch 1.02:3
+      softmodels score --material results/fit/fitted.toml --tensile other.csv --stress-error 2%+0.5kPa
+      softmodels score results/disk/case.toml outlines/ --material results/fit/fitted.toml --material yeoh:c1=14kPa
+
+    \b
+    Exit status: 0 done; 1 a material has no states to compare; 2 bad input.
+    """
+    try:
+        materials = _materials(names)
+        if not files and not options["tensile"]:
+            raise TensileError(
+                "nothing to score against; give a curve with --tensile FILE, or a case with its outlines"
+            )
+        if len(files) == 1:
+            raise TensileError(f"{files[0]} says what was inflated; give its outlines too")
+        error = _error(options["stress_error"])
+        curves = read_curves(options) if options["tensile"] else []
+        case, outlines = _device(files, options["untrusted"]) if files else (None, [])
+        read = [*files, *map(Path, names), *(Path(text.rpartition(":")[0] or text) for text in options["tensile"])]
+        asked = {**options, "names": names, "files": [str(file) for file in files]}
+        folder = open_folder(output, Path("results/score"), "scores", asked, read) if speaks() else None
+        scores = [score_curve(name, one, curve, error) for curve in curves for name, one in materials.items()]
+    except (FitError, MaterialError, OwnFolderError, TensileError, UnitError) as trouble:
+        fail(str(trouble))
+    if case is not None:
+        scores += _outline_scores(materials, case, outlines)
+    if folder is None:
+        return
+    try:
+        with folder.writing() as place:
+            write_scores(place / "scores.csv", scores)
+    except OwnFolderError as trouble:
+        fail(str(trouble))
+    except OSError as trouble:
+        fail(f"the results cannot be written ({trouble.strerror or trouble})", status_of(trouble))
+    if not quiet:
+        click.echo(as_text(scores))
+        click.echo(f"written to {folder.path}")
+
+
+def _materials(names: tuple[str, ...]) -> dict[str, Material]:
+    if not names:
+        raise MaterialError("nothing to score; give a material with --material NAME")
+    if len(set(names)) < len(names):
+        raise MaterialError("a material is named twice")
+    return {name: read_material(name) for name in names}
+
+
+def _error(text: str) -> StressError:
+    if text == "auto":
+        return StressError(RELATIVE, None, True)
+    if text == "constant":
+        raise TensileError("a score needs the size of the error: write 2%+0.5kPa, or auto")
+    return StressError.from_text(text)
+
+
+def _device(files: tuple[Path, ...], untrusted: bool) -> tuple[Any, list[Any]]:
+    from softmodels.case.case import Case, CaseError
+    from softmodels.cli.outline_command import as_section
+    from softmodels.fitting.outlines.data import read_outlines
+
+    try:
+        case = Case.from_file(files[0])
+    except CaseError as error:
+        raise FitError(str(error)) from None
+    return dataclasses.replace(case, actuator=as_section(case.actuator)), read_outlines(files[1:], untrusted)
+
+
+def _outline_scores(materials: dict[str, Material], case: Any, outlines: list[Any]) -> list[Score]:
+    from softmodels.mechanics.mpi import abort_on_error, start
+    from softmodels.results.outcomes import FAILED
+
+    comm = start()
+    abort_on_error(comm)
+    scores = []
+    for name, material in materials.items():
+        try:
+            scores.append(score_outlines(name, material, case, outlines, comm))
+        except FitError as error:
+            fail(f"{name}: {error}", FAILED)
+    return scores
+
+
+def as_text(scores: list[Score]) -> str:
+    """The table for a terminal, the best material of each measurement first."""
+    lines = []
+    for data in dict.fromkeys(one.data for one in scores):
+        lines.append(f"{data}:")
+        lines.append(
+            f"  {'material':34s} {'values':>6s} {'rms':>11s} {'chi2/value':>11s} {'in 95 % band':>13s}  furthest off"
+        )
+        for one in sorted((s for s in scores if s.data == data), key=lambda s: s.chi2):
+            rms = f"{one.rms / 1e3:.3g} kPa" if one.unit == "Pa" else f"{one.rms * 1e3:.3g} mm"
+            numbers = f"{one.count:6d} {rms:>11s} {one.chi2:11.4g} {100 * one.coverage:11.1f} %"
+            lines.append(f"  {one.material:34s} {numbers}  {one.worst}")
+    return "\n".join(lines)

@@ -1,0 +1,96 @@
+"""Options of the commands that read curves."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from geometries.options import QuantityType
+from measurement.units import UnitError, brief, number
+from softmodels.fitting.curves.curve import SYNONYMS, Specimen, TensileCurve, TensileError, read_curve, small_modulus
+from softmodels.fitting.curves.thinning import thinned
+
+APART = 100.0
+"""Curves of one material whose first moduli differ by more than this cannot have the same unit."""
+
+
+def tensile_option(text: str = "Curve of a test, FILE[:TEST]; may be given several times.") -> Callable[..., Any]:
+    return click.option("--tensile", "tensile", multiple=True, metavar="FILE[:TEST]", help=text)
+
+
+def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options for what a curve's file does not say."""
+    for flag, unit, text in (
+        ("--gauge-length", "m", "Undeformed length, for files with extensions."),
+        ("--cross-section", "m^2", "Undeformed cross-section, such as 18mm^2, for files with forces."),
+    ):
+        command = click.option(flag, type=QuantityType(unit), help=text)(command)
+    text = "Columns of the files, if the headers do not say: 'strain=1[%],stress=Load[kPa]'."
+    return click.option("--columns", default="", metavar="KIND=COLUMN[UNIT],...", help=text)(command)
+
+
+def check_curves_given(options: dict[str, Any]) -> None:
+    """Refuse options about curves where there are none.
+
+    Raises:
+        TensileError: The first of them.
+    """
+    if options["tensile"]:
+        return
+    usual = {"columns": "", "gauge_length": None, "cross_section": None, "stretch": None, "radius": None, "thickness": None,
+             "stress_error": "auto", "gauge_error": "0%"}  # fmt: skip
+    for name, default in usual.items():
+        if options.get(name, default) != default:
+            raise TensileError(f"--{name.replace('_', '-')} is about curves; give one with --tensile, or leave it out")
+
+
+def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
+    """The curves of ``--tensile``, within ``--stretch``, dense ones averaged (see `thinned`).
+
+    Raises:
+        TensileError: A curve cannot be used, or they do not go together.
+    """
+    if not options["tensile"]:
+        raise TensileError("nothing to fit to; give a curve with --tensile FILE")
+    sizes = ("cross_section", "gauge_length", "radius", "thickness")
+    specimen = Specimen(**{name: options[name] for name in sizes})
+    curves = []
+    for text in options["tensile"]:
+        name, _, test = text.rpartition(":")
+        if not name or (test.lower() not in SYNONYMS and Path(text).exists()):
+            name, test = text, "uniaxial"
+        curves.append(read_curve(Path(name), test, options["columns"], specimen))
+    names = [curve.name for curve in curves]
+    if len(set(names)) < len(names):  # files of one name in different folders
+        texts = [text if names.count(name) > 1 else name for text, name in zip(options["tensile"], names, strict=True)]
+        curves = [dataclasses.replace(curve, name=text) for curve, text in zip(curves, texts, strict=True)]
+    moduli = [small_modulus(curve) for curve in curves]
+    if max(moduli) > APART * min(moduli):
+        low, high = (curves[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
+        raise TensileError(
+            f"{low} begins with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} kPa; "
+            "they cannot be one material, so check their units"
+        )
+    if options.get("stretch"):
+        low_end, high_end = stretch_range(options["stretch"])
+        curves = [curve.within(low_end, high_end) for curve in curves]
+    return [thinned(curve) for curve in curves]
+
+
+def stretch_range(text: str) -> tuple[float, float]:
+    """Read ``"1.02:6"``."""
+    try:
+        low, high = (number(part) for part in text.split(":"))
+    except UnitError as error:
+        raise TensileError(f"stretch {brief(text)} is not a range ({error}); write it like 1.02:3") from None
+    except ValueError:
+        raise TensileError(f"stretch {brief(text)} is not a range; write it like 1.02:3") from None
+    if not 0.0 < low < high < 100.0:
+        raise TensileError(f"stretch {text!r}: a range rises, from above 0 to below 100")
+    if high <= 1.0 <= low or low == high:
+        raise TensileError(f"stretch {text!r} holds nothing but rest")
+    return low, high

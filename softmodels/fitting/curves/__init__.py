@@ -1,0 +1,1 @@
+"""Curves of test machines as measurements."""

@@ -1,0 +1,284 @@
+"""Measured curves of test specimens: from a machine's file to stretch and nominal stress, or a sentence why not."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.fitting.curves.columns import Column, TensileError, in_si, read_table, told_columns
+from softmodels.materials.homogeneous import MODES
+
+Array = npt.NDArray[np.float64]
+
+TESTS = (*MODES, "balloon")
+SYNONYMS = {
+    "uniaxial": "uniaxial", "ut": "uniaxial", "tension": "uniaxial",
+    "planar": "planar", "pure-shear": "planar", "ps": "planar",
+    "equibiaxial": "equibiaxial", "biaxial": "equibiaxial", "et": "equibiaxial", "bulge": "equibiaxial",
+    "balloon": "balloon",
+}  # fmt: skip
+MODULI = (1e3, 5e6)
+"""Shear moduli in Pa of silicones and soft rubbers: a curve that starts outside has a mistaken unit."""
+LEAST_POINTS = 4
+TURN = 0.02
+"""A curve turns back where its stretch falls by more than this share of the whole range."""
+BREAK = 0.5
+"""A specimen is torn where the stress falls below this share of the largest."""
+ELONGATED, SLACK = 0.5, 0.3
+"""A strain column whose least value is above the first begins where no test does; a stretch column below the second."""
+PERCENT = 30.0
+"""No silicone bears such a strain: a column that reaches it holds percent."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Specimen:
+    """What a file does not say about the specimen.
+
+    Attributes:
+        cross_section: Undeformed cross-section in m2, for forces.
+        gauge_length: Undeformed length in m, for extensions.
+        radius: Undeformed radius in m of a balloon.
+        thickness: Its undeformed thickness in m.
+    """
+
+    cross_section: float | None = None
+    gauge_length: float | None = None
+    radius: float | None = None
+    thickness: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise TensileError(f"{name.replace('_', ' ')} is {value:g}; it must be above zero")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TensileCurve:
+    """A loading ramp.
+
+    Attributes:
+        name: Where it comes from.
+        mode: ``"uniaxial"``, ``"planar"`` or ``"equibiaxial"``; a balloon's curve is equibiaxial.
+        stretch: Rising, shape (n,).
+        stress: Nominal stress in Pa, shape (n,).
+        remarks: Sentences on what was left out.
+        noise: Standard deviation in Pa of the readings that its points are averages of; None if they are readings themselves.
+        readings: Readings per point.
+    """
+
+    name: str
+    mode: str
+    stretch: Array
+    stress: Array
+    remarks: tuple[str, ...] = ()
+    noise: float | None = None
+    readings: float = 1.0
+
+    def within(self, low: float, high: float) -> TensileCurve:
+        """The part between two stretches.
+
+        Raises:
+            TensileError: Too few points are left.
+        """
+        keep = (self.stretch >= low) & (self.stretch <= high)
+        if keep.sum() < LEAST_POINTS:
+            raise TensileError(
+                f"{self.name}: {keep.sum()} of its points lie between stretch {low:g} and {high:g}, and {LEAST_POINTS} are "
+                f"needed; it goes from {self.stretch[0]:.4g} to {self.stretch[-1]:.4g}"
+            )
+        return dataclasses.replace(self, stretch=self.stretch[keep], stress=self.stress[keep])
+
+
+def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: Specimen | None = None) -> TensileCurve:
+    """Read a curve.
+
+    Args:
+        path: Text with one row per reading, under a header that names the columns with their units.
+        test: One of `TESTS`, or a synonym.
+        columns: Which columns to take, see `told_columns`; empty to go by the headers.
+        specimen: Its sizes, where the file has forces, extensions or pressures.
+
+    Raises:
+        TensileError: The curve cannot be used; the message names the file.
+    """
+    if test.lower() not in SYNONYMS:
+        raise TensileError(f"test {test!r} is not one of {', '.join(TESTS)}")
+    kind = SYNONYMS[test.lower()]
+    told = told_columns(columns) if columns else {}
+    try:
+        table = read_table(_text(path), told)
+        if not told:
+            _check_start(table.x, table.y, table.deformation, specimen or Specimen())
+        stretch = _stretch(table.x, table.deformation, specimen or Specimen())
+        stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
+        mode = "equibiaxial" if kind == "balloon" else kind
+        stretch, stress, remarks = _ramp(stretch, stress)
+        curve = TensileCurve(path.name, mode, stretch, stress, tuple(remarks))
+        _check_rest(curve)
+        _check_modulus(curve)
+    except TensileError as error:
+        raise TensileError(f"{path}: {error}") from None
+    return curve
+
+
+def _text(path: Path) -> str:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise TensileError(f"the file cannot be read ({error.strerror})") from None
+    if b"\0" in data:
+        raise TensileError("this is not a text file; save the sheet as CSV")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")  # older test machines; the numbers are the same
+
+
+def _stretch(x: Array, column: Column, specimen: Specimen) -> Array:
+    values = in_si(x, column)
+    if column.kind in ("strain", "true-strain") and values.max() > PERCENT:
+        raise TensileError(
+            f"the column {column.header!r} reaches a strain of {values.max():.4g}; if it holds percent, say so: "
+            f"--columns {column.kind}={column.place + 1}[%],..."
+        )
+    if column.kind == "strain":
+        stretch = 1 + values
+    elif column.kind == "true-strain":
+        stretch = np.exp(values)
+    elif column.kind == "extension":
+        if specimen.gauge_length is None:
+            raise TensileError(f"the column {column.header!r} is a length; give the specimen's with --gauge-length")
+        stretch = 1 + values / specimen.gauge_length
+    elif column.kind == "radius":
+        if specimen.radius is None:
+            raise TensileError(f"the column {column.header!r} is a radius; give the undeformed one with --radius")
+        stretch = values / specimen.radius
+    else:
+        stretch = values
+    if stretch.min() <= 0.0:
+        hint = "; a column that begins at 0 holds strains" if column.kind == "stretch" else ""
+        raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.min():.4g}{hint}")
+    if column.kind != "strain" and stretch.max() > PERCENT:
+        raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
+    return np.asarray(stretch, dtype=float)
+
+
+def _check_start(x: Array, y: Array, column: Column, specimen: Specimen) -> None:
+    """Refuse a column that does not begin where its header says that it should: a ramp begins at rest, or near it.
+
+    Whoever says with --columns what the columns are is believed.
+    """
+    values = in_si(x, column)
+    place, name = column.place + 1, column.header
+    if column.kind in ("strain", "true-strain") and ELONGATED <= values.min() < PERCENT:
+        shown = f"{x.min():.5g}" + (" %" if column.unit == "percent" else "")
+        unit = "[%]" if column.unit == "percent" else ""
+        raise TensileError(
+            f"the column {name!r} begins at {shown}, where a strain begins near 0: it seems to hold stretches; rename it to "
+            f"'stretch' or give --columns stretch={place}{unit},...; if the curve does begin at that strain, give "
+            f"--columns {column.kind}={place}{unit},..."
+        )
+    length = specimen.gauge_length
+    if column.kind == "extension" and length and values.min() >= ELONGATED * length:
+        raise TensileError(
+            f"the column {name!r} begins at {x.min():.5g} {column.unit}, where an extension begins near 0: it seems to hold "
+            f"the specimen's length; take the first length away from it, or give "
+            f"--columns extension={place}[{column.unit}],... if the curve does begin there"
+        )
+    at_rest = abs(y[np.argmin(values)]) < 0.05 * np.abs(y).max()
+    if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
+        raise TensileError(
+            f"the column {name!r} begins at {x.min():.5g} without stress, where a stretch begins near 1: it seems to hold "
+            f"strains; rename it to 'strain' or give --columns strain={place},...; if the specimen was pressed that far, give "
+            f"--columns stretch={place},..."
+        )
+
+
+def _nominal(y: Array, column: Column, stretch: Array, test: str, specimen: Specimen) -> Array:
+    values = in_si(y, column)
+    if (column.kind == "pressure") != (test == "balloon"):
+        raise TensileError(f"a {test} test and a column {column.header!r} do not go together")
+    if column.kind == "pressure":
+        if specimen.radius is None or specimen.thickness is None:
+            raise TensileError("a balloon needs its undeformed --radius and --thickness")
+        # The sheet's nominal stress in a thin sphere: P = 2 (t/R) S / stretch^2.
+        return np.asarray(values * stretch**2 * specimen.radius / (2 * specimen.thickness))
+    if column.kind == "true-stress":
+        return np.asarray(values / stretch)  # the pulled side's share of the area, volume kept
+    if column.kind == "force":
+        if specimen.cross_section is None:
+            raise TensileError(f"the column {column.header!r} is a force; give the specimen's --cross-section")
+        return np.asarray(values / specimen.cross_section)
+    return values
+
+
+def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str]]:
+    """The loading ramp: up to the first turn or the break, in rising order."""
+    remarks = []
+    span = float(np.ptp(stretch))
+    if span < 1e-3:
+        raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
+    if stretch[-1] < stretch[0] and np.all(np.diff(stretch) <= TURN * span):
+        stretch, stress = stretch[::-1], stress[::-1]  # compression, written as it was done
+    fallen = np.maximum.accumulate(stretch) - stretch > TURN * span
+    if fallen.any():
+        end = int(np.argmax(stretch[: np.argmax(fallen) + 1])) + 1
+        if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
+            raise TensileError(
+                "the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles"
+            )
+        remarks.append(
+            f"{len(stretch) - end} points after the stretch turns back at {stretch[end - 1]:.4g} are left out"
+        )
+        stretch, stress = stretch[:end], stress[:end]
+    peak = int(np.argmax(stress))
+    if stress[peak] > 0.0 and (stress[peak:] < BREAK * stress[peak]).any():
+        end = peak + 1
+        remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[peak]:.4g} are left out")
+        stretch, stress = stretch[:end], stress[:end]
+    order = np.argsort(stretch, kind="stable")  # what is left of disorder is the strain's own noise
+    stretch, stress = stretch[order], stress[order]
+    if len(stretch) < LEAST_POINTS:
+        raise TensileError(f"the loading ramp has {len(stretch)} points, and {LEAST_POINTS} are needed")
+    return stretch, stress, remarks
+
+
+def _check_rest(curve: TensileCurve) -> None:
+    """Refuse a stress at rest: a load cell that was not tared."""
+    top = float(np.abs(curve.stress).max())
+    if top == 0.0:
+        raise TensileError("every stress is zero")
+    near = np.abs(curve.stretch - 1) < 0.005
+    if near.any():
+        # Within half a percent of rest, even the stiffest start is far below a tenth of the largest stress.
+        at_rest = float(np.abs(curve.stress[near]).min())
+        if at_rest > 0.1 * top and curve.stretch.max() > 1.2:
+            raise TensileError(
+                f"the stress at stretch 1 is {at_rest / 1e3:.4g} kPa, not zero; take the load cell's offset away first"
+            )
+
+
+def small_modulus(curve: TensileCurve) -> float:
+    """Shear modulus in Pa of the neo-Hookean curve through the first part of a ramp (to stretch 1.5, or its first half)."""
+    top = max(1.5, float(curve.stretch[curve.stretch > 1][:LEAST_POINTS].max(initial=1.0)))
+    part = (curve.stretch <= top) & (np.abs(curve.stretch - 1) > 1e-9)
+    L, last = curve.stretch[part], {"uniaxial": -2.0, "planar": -3.0, "equibiaxial": -5.0}[curve.mode]
+    shape = L - L**last
+    if not len(L):
+        return math.nan
+    return float(shape @ curve.stress[part] / (shape @ shape))
+
+
+def _check_modulus(curve: TensileCurve) -> None:
+    modulus = small_modulus(curve)
+    if not modulus > 0.0:
+        raise TensileError("the stress falls as the specimen is pulled; check its sign and the columns")
+    if not MODULI[0] <= modulus <= MODULI[1]:
+        raise TensileError(
+            f"the curve begins with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
+            f"{MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
+        )

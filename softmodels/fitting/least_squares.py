@@ -1,0 +1,188 @@
+"""Fitting parameters to measurements: bounded robust least squares over any sources of standardised residuals.
+
+A source turns parameter values into residuals (model - measured) / error with exact derivatives. It may be a tensile curve
+or a simulated outline; this file knows neither. Every decision here rests on numbers that the sources return, so processes
+that share one source in lockstep stay in lockstep.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Prior, Problem, Residuals
+from softmodels.fitting.result import Fit, StartResult
+
+__all__ = ["CannotEvaluate", "Fit", "FitError", "Parameter", "Prior", "Residuals", "fit"]
+
+Array = npt.NDArray[np.float64]
+
+LOSSES = ("linear", "soft_l1")
+ERRORS = ("stated", "unknown")
+SAME_DEVIANCE = 1e-4
+"""Starts whose deviances differ by less than this (plus the same share) ended in one and the same minimum."""
+FAR = 0.1
+"""A fit whose next Newton step would still move it by this many standard errors has not converged."""
+
+
+def fit(
+    sources: Sequence[Residuals],
+    parameters: Sequence[Parameter],
+    *,
+    loss: str = "linear",
+    starts: int | Sequence[Mapping[str, float]] = 1,
+    errors: str = "stated",
+    label: str = "",
+    tolerance: float = 1e-10,
+    most: int = 300,
+) -> Fit:
+    """Find the parameters at which all sources together agree best with their measurements.
+
+    Args:
+        sources: What was measured.
+        parameters: Every parameter the sources name.
+        loss: ``"linear"`` (least squares) or ``"soft_l1"``, in which residuals far above 1 count by their size and not by
+            its square.
+        starts: How many starting points: the parameters' own, then quasi-random ones around it (always the same). Or the
+            starting values themselves; what they leave out, or have outside the bounds, starts where its parameter says.
+        errors: ``"stated"``: the sources' errors are believed unless the scatter is larger. ``"unknown"``: only their
+            ratios are; their size follows from the scatter.
+        label: What is fitted, for reports.
+        tolerance: Relative tolerance on the sum of squares, on the parameters and on the gradient.
+        most: Evaluations per start at most.
+
+    Raises:
+        FitError: The task is impossible, or no start could be evaluated.
+    """
+    _check(sources, parameters, loss, errors)
+    problem = Problem(sources, parameters, loss)
+    runs: list[StartResult] = []
+    best: Any = None
+    for x in _starting_points(problem.free, starts):
+        try:
+            first = problem.residuals(x)
+            if not np.isfinite(first).all():
+                raise CannotEvaluate("the model has no finite value there")
+            found = problem.solve(x, tolerance, most)
+        except CannotEvaluate as error:
+            runs.append(StartResult(problem.values(x), math.inf, str(error)))
+            continue
+        runs.append(
+            StartResult(problem.values(found.x), 2 * float(found.cost), "" if found.status > 0 else found.message)
+        )
+        if best is None or found.cost < best.cost:
+            best = found
+    if best is None:
+        raise FitError(f"the fit cannot start: {runs[0].trouble if runs else 'no starting values are given'}")
+    try:
+        return _judge(problem, best, runs, errors, label)
+    except CannotEvaluate as error:
+        raise FitError(f"the fit ended where its model has no answer: {error}") from None
+
+
+def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, label: str) -> Fit:
+    """The result with everything that speaks against it."""
+    values = problem.values(found.x)
+    residuals = problem.residuals(found.x)
+    J, rows = problem.slopes(values)
+    if len(residuals) < len(problem.free):
+        few = f"{len(residuals)} numbers cannot determine {len(problem.free)} parameters"
+        raise FitError(f"{few}; fix some or measure more")
+    result = Fit(
+        label=label or ", ".join(source.label for source in problem.sources), parameters=problem.parameters,
+        values=values, residuals=residuals, jacobian=J, rows=rows,
+        deviance=2 * float(found.cost), loss=problem.loss, errors=errors, evaluations=problem.evaluations,
+        starts=tuple(runs), problem=problem, troubles=(),
+    )  # fmt: skip
+    troubles = []
+    if found.status <= 0:
+        troubles.append(f"the fit did not converge within {found.nfev} evaluations; its values are not to be trusted")
+    elif (step := result.newton_step) > FAR:
+        troubles.append(
+            f"the fit stopped where a further step would still move it by {step:.2g} standard errors; "
+            "its values are not to be trusted"
+        )
+    ends = [(p, result.at_bounds[p.name]) for p in result.free if p.name in result.at_bounds]
+    troubles += [f"{p.words} ended at its bound {bound:.4g} {p.unit}".rstrip() for p, bound in ends]
+    troubles += _disagreement(runs, result)
+    return dataclasses.replace(result, troubles=tuple(troubles))
+
+
+def _disagreement(runs: list[StartResult], result: Fit) -> list[str]:
+    """Starts that ended elsewhere, if that other place is nearly as good; starts that could not be run."""
+    room = SAME_DEVIANCE * (1 + result.deviance)
+    likely = 3.84 * result.dispersion
+    said = []
+    rivals = [
+        run
+        for run in runs
+        if math.isfinite(run.deviance) and run.deviance - result.deviance <= likely and _apart(run, result)
+    ]
+    if rivals:
+        other = ", ".join(f"{p.name} {rivals[0].values[p.name]:.4g}" for p in result.free if not p.hidden)
+        said.append(
+            f"{len(rivals)} of {len(runs)} starts ended in another minimum that fits nearly as well ({other}): "
+            "the data do not decide between them"
+        )
+    ended = [run for run in runs if math.isfinite(run.deviance)]
+    if len(ended) > 1 and sum(run.deviance - result.deviance <= room for run in ended) == 1:
+        said.append(f"only one of {len(ended)} starts reached this minimum; there may be a better one")
+    return said
+
+
+def _apart(run: StartResult, result: Fit) -> bool:
+    """Whether a start ended further from the result than the result's own intervals reach.
+
+    Terms that have changed places (Ogden's) are the same result.
+    """
+    here, there = (sorted(values[p.name] for p in result.free) for values in (result.values, run.values))
+    if np.allclose(here, there, rtol=1e-3):
+        return False
+    for p in result.free:
+        low, high = result.interval(p.name)
+        reach = 1e-6 * abs(result.values[p.name])
+        if p.name not in result.at_bounds and not low - reach <= run.values[p.name] <= high + reach:
+            return True
+    return False
+
+
+def _starting_points(free: Sequence[Parameter], starts: int | Sequence[Mapping[str, float]]) -> list[Array]:
+    """Coordinates: the given ones; or the parameters' own, then Halton points a factor e^1.5, or one size, around it."""
+    origin = np.array([p.inward(p.start) for p in free], dtype=float)
+    if not isinstance(starts, int):
+        chosen = [[start.get(p.name, p.start) for p in free] for start in starts]
+        held = [[v if p.lower <= v <= p.upper else p.start for p, v in zip(free, one, strict=True)] for one in chosen]
+        return [np.array([p.inward(v) for p, v in zip(free, one, strict=True)], dtype=float) for one in held]
+    points = [origin]
+    if starts > 1:
+        from scipy.stats import qmc  # a second to load, which most fits do not need
+
+        spread = np.array([1.5 if p.logarithmic else 1.0 for p in free])
+        bounds = np.sort([[p.inward(p.lower), p.inward(p.upper)] for p in free])
+        for unit in qmc.Halton(len(free), scramble=False).random(starts)[1:]:
+            points.append(np.clip(origin + spread * (2 * unit - 1), bounds[:, 0], bounds[:, 1]))
+    return points
+
+
+def _check(sources: Sequence[Residuals], parameters: Sequence[Parameter], loss: str, errors: str) -> None:
+    names = [p.name for p in parameters]
+    used = {name for source in sources for name in source.parameters}
+    if not sources:
+        raise FitError("there is nothing to fit to; give a tensile curve or outlines")
+    if loss not in LOSSES:
+        raise FitError(f"loss {loss!r} is not one of {', '.join(LOSSES)}")
+    if errors not in ERRORS:
+        raise FitError(f"errors {errors!r} is not one of {', '.join(ERRORS)}")
+    if len(set(names)) < len(names):
+        raise FitError(f"a parameter is given twice among {', '.join(names)}")
+    if missing := used - set(names):
+        raise FitError(f"no start is given for {', '.join(sorted(missing))}")
+    if idle := [p.name for p in parameters if not p.fixed and p.name not in used and p.prior is None]:
+        raise FitError(f"nothing measured depends on {', '.join(idle)}; fix it")
+    if all(p.fixed for p in parameters):
+        raise FitError("every parameter is fixed; there is nothing to fit")

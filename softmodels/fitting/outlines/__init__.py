@@ -1,0 +1,1 @@
+"""Outlines and heights of an inflated device as measurements."""

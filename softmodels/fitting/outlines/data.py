@@ -1,0 +1,308 @@
+"""Measured outlines made ready for a fit: checked, cut to what rises, and averaged over as many points as share an error.
+
+Neighbouring points of an outline are smoothed together, so that many of them are worth one. The fit gets means over bins
+three times as long as the errors keep together (their integrated autocorrelation), each with the error of such a mean.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from measurement.outline import Outline, OutlineError
+from measurement.smoothing import SPAN
+from measurement.units import pascal_per_cm
+from softmodels.fitting.problem import FitError
+from softmodels.fitting.result import autocorrelation_time
+
+Array = npt.NDArray[np.float64]
+
+FLOOR = 1e-4
+"""Heights in m above which an outline counts: below, the support and the flat surface around are seen too."""
+FLOOR_ERRORS = 5.0
+"""The same in standard errors, so that noise does not decide what counts."""
+FEWEST = 12
+"""Points above the floor that make an outline."""
+BIN = 3.0
+"""Length of a bin in units of the errors' autocorrelation."""
+KNOT = 60
+"""Points per knot of the spline that is taken for the outline's shape where its noise is looked at."""
+LONGEST = 60.0
+"""Longest autocorrelation believed, in points."""
+TALLEST = 10.0
+"""Heights above this many widths of the device are no outline of it."""
+SHALLOWEST = 1e-4
+"""Largest heights below this many widths of the device are no inflation of it."""
+STRONGEST = 5e6
+"""Pressures in Pa above which no silicone device is inflated."""
+CLOSE = 1e-6
+"""Readings of two outlines closer than this, relative, are one pressure."""
+ALIKE = 0.1
+"""Heights closer than this, relative, are one state; past a limit point one pressure has two, which are further apart."""
+
+
+class OutlineFitError(FitError):
+    """Outlines that cannot be fitted; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shape:
+    """One outline as the fit sees it.
+
+    Attributes:
+        source: Its name.
+        points: Measured points, shape (k, 2), m.
+        error: Standard error of each across the outline, shape (k,), m.
+        bins: Bin of each point, rising from 0, shape (k,).
+        weight: What the mean of a bin's standardised distances is multiplied with to have variance 1, shape (bins,).
+        pressure: Reading in Pa.
+        pressure_error: Its standard error in Pa.
+        height: Height of the top in m.
+        centre: Where along x the middle of its area is, in m.
+    """
+
+    source: str
+    points: Array
+    error: Array
+    bins: npt.NDArray[np.int64]
+    weight: Array
+    pressure: float
+    pressure_error: float
+    height: float
+    centre: float
+
+    @property
+    def name(self) -> str:
+        """What the photograph is called in sentences."""
+        return f"{self.pressure / pascal_per_cm():.4g} cm of water ({self.source})"
+
+    def mean(self, values: Array) -> Array:
+        """Means over the bins of values (k, ...) divided by the points' errors, as residuals of variance 1."""
+        count = len(self.weight)
+        standard = values / self.error.reshape(-1, *[1] * (values.ndim - 1))
+        sums = np.zeros((count, *values.shape[1:]))
+        np.add.at(sums, self.bins, standard)
+        factor = self.weight / np.bincount(self.bins, minlength=count)
+        return sums * factor.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def read_outlines(files: Sequence[Path], untrusted: bool = False, without: Sequence[str] = ()) -> list[Outline]:
+    """Read outlines' files; folders stand for all outlines in them.
+
+    Args:
+        files: Files and folders.
+        untrusted: Take outlines that the measurement does not trust.
+        without: Names of photographs or files to leave out.
+
+    Raises:
+        OutlineFitError: No file, one that is no outline, or one that is not trusted, unless ``untrusted`` allows it.
+    """
+    names: list[Path] = []
+    for file in files:
+        found = sorted(p for p in file.glob("*.csv") if p.name != "heights.csv") if file.is_dir() else [file]
+        if not found:
+            raise OutlineFitError(f"the folder {file} holds no outlines; python -m measurement photos makes them")
+        names += found
+    if not names:
+        raise OutlineFitError("nothing to fit to; give outlines that python -m measurement photos has made")
+    outlines = []
+    for name in names:
+        try:
+            outlines.append(Outline.from_csv(name))
+        except OutlineError as error:
+            raise OutlineFitError(str(error)) from None
+    keep = kept([(outline.source, name) for name, outline in zip(names, outlines, strict=True)], without)
+    names, outlines = [names[i] for i in keep], [outlines[i] for i in keep]
+    doubted = [(name, outline) for name, outline in zip(names, outlines, strict=True) if not outline.trusted]
+    if doubted and not untrusted:
+        name, outline = doubted[0]
+        more = f", and {len(doubted) - 1} more" if len(doubted) > 1 else ""
+        raise OutlineFitError(
+            f"{name} is not to be trusted ({'; '.join(outline.reasons)}){more}; leave it out, or take it with --untrusted"
+        )
+    return outlines
+
+
+def kept(rows: Sequence[tuple[str, Path | None]], without: Sequence[str]) -> list[int]:
+    """Which rows, photographs with their files, are not left out by name.
+
+    Raises:
+        OutlineFitError: A name that is none of them, or nothing is left.
+    """
+    left = {}
+    for name in without:
+        found = [
+            i for i, (source, file) in enumerate(rows) if name in (source, Path(source).stem, str(file), *_names(file))
+        ]
+        if not found:
+            known = ", ".join(source for source, _ in rows)
+            raise OutlineFitError(f"--without {name}: there is no such photograph; there are {known}")
+        left.update(dict.fromkeys(found))
+    keep = [i for i in range(len(rows)) if i not in left]
+    if rows and not keep:
+        raise OutlineFitError("--without leaves nothing to fit to")
+    return keep
+
+
+def _names(file: Path | None) -> tuple[str, ...]:
+    return (file.name, file.stem) if file else ()
+
+
+def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tuple[list[Shape], list[str]]:
+    """Check outlines against each other and against the device, and cut and bin them.
+
+    Args:
+        outlines: Measured outlines.
+        actuator: The device they are meant to show.
+        width: Distance of its surface's edge from its axis in m.
+
+    Returns:
+        Shapes by rising pressure, and a sentence on each outline that was left out.
+
+    Raises:
+        OutlineFitError: What cannot be fitted.
+    """
+    # A bridge over a gap is no measurement.
+    chosen = sorted((outline.measured() for outline in outlines), key=lambda outline: outline.pressure)
+    _check_pressures(chosen)
+    _check_sizes(chosen, actuator, width)
+    cut = [(outline, _above(outline)) for outline in chosen]
+    notes = [
+        f"{outline.source}: nothing rises more than {_floor(outline) * 1e3:.2g} mm, so it says nothing and is left out"
+        for outline, kept in cut
+        if kept is None
+    ]
+    kept = [(outline, part) for outline, part in cut if part is not None]
+    if not kept:
+        raise OutlineFitError("no outline rises above the undeformed surface, so there is nothing to fit to")
+    run = correlation([outline for outline, _ in kept])
+    shapes = [_shape(outline, part, run) for outline, part in kept]
+    _check_place(shapes, width)
+    return shapes, notes
+
+
+def correlation(outlines: Sequence[Outline]) -> float:
+    """Over how many neighbouring points the outlines' errors keep together: the median of integrated autocorrelations.
+
+    The shape is taken out by a spline. Where what is left is far below the stated errors there is no noise to judge by, and
+    the measurement's own smoothing span is believed.
+    """
+    found = []
+    for outline in outlines:
+        part = _above(outline)
+        if part is None or part.stop - part.start < 2 * KNOT:
+            continue
+        z, error = outline.z[part], outline.error[part]
+        left = z - _spline(z)
+        if float(np.sqrt(np.mean(left**2))) > 0.05 * float(np.median(error)):
+            found.append(autocorrelation_time(left))
+    return min(max(float(np.median(found)), 1.0), LONGEST) if found else SPAN / 2
+
+
+def _spline(z: Array) -> Array:
+    from scipy.interpolate import make_lsq_spline
+
+    n = len(z)
+    at = np.arange(n, dtype=float)
+    inner = np.linspace(0, n - 1, max(n // KNOT, 2) + 1)[1:-1]
+    knots = np.r_[[0.0] * 4, inner, [n - 1.0] * 4]
+    return np.asarray(make_lsq_spline(at, z, knots, k=3)(at))
+
+
+def _floor(outline: Outline) -> float:
+    return max(FLOOR, FLOOR_ERRORS * float(np.median(outline.error)))
+
+
+def _above(outline: Outline) -> slice | None:
+    """The points between the outermost places at which three neighbours lie above the floor; None if there are too few.
+
+    A cut by place: a cut by each point's own height would keep those whose errors point up. So would the places themselves,
+    but for a smoothing span less at both ends.
+    """
+    high = outline.z > _floor(outline)
+    if len(high) < FEWEST:
+        return None
+    steady = np.flatnonzero(high[:-2] & high[1:-1] & high[2:])
+    if not len(steady):
+        return None
+    first, last = int(steady[0]), int(steady[-1]) + 3
+    spare = min(SPAN, (last - first) // 10)
+    return slice(first + spare, last - spare) if last - first - 2 * spare >= FEWEST else None
+
+
+def _shape(outline: Outline, part: slice, run: float) -> Shape:
+    x, z, error = outline.x[part], outline.z[part], outline.error[part]
+    count = max(round(len(x) / (BIN * run)), 1)
+    # Of points that share their errors every few say as much as all of them.
+    stride = max(int(run / 3), 1)
+    pick = np.arange(stride // 2, len(x), stride)
+    bins = pick * count // len(x)
+    bins = np.unique(bins, return_inverse=True)[1]
+    weight = np.full(int(bins.max()) + 1, math.sqrt(max(len(x) / count / run, 1.0)))
+    centre = float(np.trapezoid(x * np.maximum(z, 0.0), x) / np.trapezoid(np.maximum(z, 0.0), x))
+    return Shape(
+        outline.source, np.column_stack([x, z])[pick], error[pick], bins, weight, outline.pressure,
+        outline.pressure_error, outline.height, centre,
+    )  # fmt: skip
+
+
+def _check_pressures(outlines: Sequence[Outline]) -> None:
+    if not outlines:
+        raise OutlineFitError("nothing to fit to; give outlines that python -m measurement photos has made")
+    for outline in outlines:
+        if not outline.pressure_error > 0.0:
+            raise OutlineFitError(
+                f"{outline.source}: its pressure has no standard error, so it cannot be weighed against the others; "
+                "give one in the list of photographs"
+            )
+        if outline.pressure > STRONGEST:
+            raise OutlineFitError(
+                f"{outline.source}: a pressure of {outline.pressure / 1e3:.4g} kPa inflates no silicone; check its unit"
+            )
+    for one, two in itertools.pairwise(outlines):
+        same = two.pressure - one.pressure <= CLOSE * abs(two.pressure)
+        if same and abs(two.height - one.height) <= ALIKE * max(abs(two.height), abs(one.height), FLOOR):
+            raise OutlineFitError(
+                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: they "
+                "would count one measurement twice, so give one of them"
+            )
+
+
+def _check_sizes(outlines: Sequence[Outline], actuator: Actuator, width: float) -> None:
+    tallest = max(outlines, key=lambda outline: float(outline.z.max()))
+    top, span = float(tallest.z.max()), max(float(np.ptp(outline.x)) for outline in outlines)
+    device = f"a {type(actuator).__name__} of {width * 2e3:.4g} mm across"
+    if top > TALLEST * width or span > 50 * width:
+        raise OutlineFitError(
+            f"{tallest.source} is {top * 1e3:.4g} mm high and up to {span * 1e3:.4g} mm wide, which {device} cannot be; "
+            "outlines are in metres, so check the unit of the photographs' grid and of the device"
+        )
+    if 0.0 < span < 0.05 * width or 0.0 < top < SHALLOWEST * width:
+        raise OutlineFitError(
+            f"the highest outline, {tallest.source}, is {top * 1e3:.4g} mm high and {span * 1e3:.4g} mm wide; for {device} "
+            "that looks like a mistaken unit (outlines are in metres)"
+        )
+
+
+def _check_place(shapes: Sequence[Shape], width: float) -> None:
+    """The device must be as wide as what rises, and stand in one place."""
+    low = min(shapes, key=lambda shape: shape.height)
+    wide = float(np.ptp(low.points[:, 0]))
+    if wide > 2.0 * width * 1.05:
+        raise OutlineFitError(
+            f"{low.source}: what rises is {wide * 1e3:.4g} mm wide at a height of {low.height * 1e3:.3g} mm, more than the "
+            f"device's {width * 2e3:.4g} mm: this is not the device of the case"
+        )
+    centres = [shape.centre for shape in shapes]
+    if np.ptp(centres) > 0.25 * width:
+        raise OutlineFitError(
+            f"the outlines' middles lie up to {np.ptp(centres) * 1e3:.3g} mm apart: the device or the camera has moved, or "
+            "some photographs show only a part of it"
+        )

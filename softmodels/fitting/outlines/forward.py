@@ -1,0 +1,201 @@
+"""A device solved again and again with other parameters: its states at added volumes, or at pressures, with derivatives."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.outlines.silhouette import Silhouette
+from softmodels.fitting.problem import CannotEvaluate
+from softmodels.materials.laws import Material, MaterialError
+from softmodels.mechanics.controls import Control, pressure_control, volume_control
+from softmodels.mechanics.morphing import Reshaping
+from softmodels.mechanics.sensitivity import Rate, Sensitivity
+from softmodels.mechanics.solver import Equilibrium, NoConvergence
+from softmodels.mechanics.system import State
+from softmodels.path.continuation import Path, trace
+from softmodels.path.points import PathEnd
+from softmodels.results.quadratic_curve import QuadraticCurve
+
+Array = npt.NDArray[np.float64]
+
+SAME = 1e-9
+"""Requested values closer than this, relative to the largest, are one state."""
+AT_ONCE = 6
+"""Newton iterations in which a state has to be found from a guess, or else the path is followed."""
+ASTRAY = 0.5
+"""How far from the guess such a state may lie, as a share of its change: further, it may be another branch."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Solved:
+    """States found together: parameter values, what was requested (SI), and derivatives by the state's identity."""
+
+    values: dict[str, float]
+    quantity: str
+    requested: Array
+    states: list[State]
+    answers: dict[int, tuple[Rate, dict[str, Rate], float]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of one state's pressure (Pa) and of its curve's nodes (m), by parameter name and by what is requested.
+
+    Attributes:
+        pressure: By name.
+        nodes: By name, shape (n, 3, 2).
+        along_pressure: Of the pressure by the added volume (per m3); 1 if pressures are requested.
+        along_nodes: Of the nodes by the added volume, or by the pressure.
+    """
+
+    pressure: dict[str, float]
+    nodes: dict[str, Array]
+    along_pressure: float
+    along_nodes: Array
+
+
+class Inflation:
+    """Paths of one device under one law.
+
+    Args:
+        equilibrium: The device; its material's values do not matter.
+        choice: The law.
+
+    Attributes:
+        paths: How many paths have been followed.
+    """
+
+    def __init__(self, equilibrium: Equilibrium, choice: LawChoice):
+        self.equilibrium, self.choice = equilibrium, choice
+        self.silhouette = Silhouette(equilibrium)
+        self.reshaping = Reshaping(equilibrium.body, equilibrium.body.actuator.variable)
+        self.lengths = self.reshaping.nominal
+        self.sensitivity = Sensitivity(equilibrium, self.reshaping)
+        self.names = (*choice.names, "poisson", *self.lengths)
+        self.rest_volume = equilibrium.rest().V
+        self.paths = 0
+        self._asked: _Solved | None = None
+        self._base: _Solved | None = None
+
+    def material(self, values: Mapping[str, float]) -> Material:
+        """The material of parameter values; Poisson's ratio is the law's unless given."""
+        poisson = values.get("poisson", self.choice.poisson)
+        return dataclasses.replace(self.choice, poisson=poisson).material(values)
+
+    def take(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Make these the equilibrium's material and lengths; returns the lengths.
+
+        Raises:
+            CannotEvaluate: There is no such material or device.
+        """
+        try:
+            self.equilibrium.set_material(self.material(values))
+        except MaterialError as error:
+            raise CannotEvaluate(str(error)) from None
+        lengths = {name: values.get(name, nominal) for name, nominal in self.lengths.items()}
+        if lengths and min(lengths.values()) <= 0.0:
+            raise CannotEvaluate(f"a length of {min(lengths.values()):g} m makes no device")
+        self.reshaping.move(lengths)
+        return lengths
+
+    def states(
+        self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume"
+    ) -> list[State]:
+        """The states with added volumes in m3, or at pressures in Pa, in any order, on one path.
+
+        Raises:
+            CannotEvaluate: One of them is not on the path.
+        """
+        eq = self.equilibrium
+        self.take(values)
+        unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
+        wanted = np.asarray(requested, dtype=float) / unit
+        if not np.isfinite(wanted).all() or wanted.min() <= 0.0:
+            raise CannotEvaluate(f"an added {quantity} is not above zero")
+        order = np.argsort(wanted)
+        goals: list[float] = []
+        place = np.empty(len(wanted), dtype=int)
+        for i in order:
+            if not goals or wanted[i] - goals[-1] > SAME * wanted[order[-1]]:
+                goals.append(float(wanted[i]))
+            place[i] = len(goals) - 1
+        self.paths += 1
+        found = self._nearby(values, goals, quantity, place) or self._followed(goals, quantity)
+        states = [found[i] for i in place]
+        self._asked = _Solved(dict(values), quantity, np.asarray(requested, dtype=float), states, {})
+        return states
+
+    def _followed(self, goals: Sequence[float], quantity: str) -> list[State]:
+        """The states on one path from rest. Under volume control it passes limit points; pressures mean its first branch."""
+        try:
+            path = Path(self.equilibrium, "auto", quantity)
+            return [point.state for point in trace(path, goals) if point.requested]
+        except (PathEnd, NoConvergence) as end:
+            raise CannotEvaluate(f"no equilibrium at an added {quantity} that was measured: {end}") from None
+
+    def _nearby(
+        self, values: Mapping[str, float], goals: Sequence[float], quantity: str, place: npt.NDArray[np.int64]
+    ) -> list[State]:
+        """The states one by one from those at the last values that had all derivatives; empty if one of them fails.
+
+        A fit's steps are small: Newton's method from the linear guess needs no path. Only states that it finds at once count.
+        """
+        asked = self._asked
+        if asked is not None and len(asked.answers) == len({id(state) for state in asked.states}):
+            self._base = asked
+        base = self._base
+        if base is None or base.quantity != quantity or len(base.states) != len(place):
+            return []
+        eq, found = self.equilibrium, []
+        unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
+        for goal, i in zip(goals, [int(np.argmax(place == k)) for k in range(len(goals))], strict=True):
+            state, (along, rates, stress) = base.states[i], base.answers[id(base.states[i])]
+            ahead = goal * unit - base.requested[i]
+            moves = [(rate, values.get(name, 0.0) - base.values.get(name, 0.0)) for name, rate in rates.items()]
+            w = state.w + ahead * along.w + sum(by * rate.w for rate, by in moves)
+            P = state.P * stress + ahead * along.P + sum(by * rate.P for rate, by in moves)
+            line = volume_control(goal + self.rest_volume) if quantity == "volume" else pressure_control(goal)
+            try:
+                if eq.stale:
+                    eq.factorise(state)
+                found.append(eq.solve(line, w, P / eq.stress_unit))
+            except NoConvergence:
+                return []
+            jump = np.linalg.norm(found[-1].w - w) / max(float(np.linalg.norm(found[-1].w - state.w)), 1e-300)
+            near = np.linalg.norm(found[-1].w - w) < 1e-3 * np.linalg.norm(w)
+            if found[-1].V <= 0.0 or found[-1].iterations > AT_ONCE or not (jump < ASTRAY or near):
+                return []
+        return found
+
+    def curve(self, state: State, lengths: Mapping[str, float]) -> QuadraticCurve:
+        return self.silhouette.curve(state, lengths)
+
+    def pressure(self, state: State) -> float:
+        """In Pa."""
+        return state.P * self.equilibrium.stress_unit
+
+    def slopes(self, state: State, names: Sequence[str], quantity: str = "volume") -> Slopes:
+        """Derivatives of a state of the present values (see `take`), at fixed added volume or at fixed pressure.
+
+        Raises:
+            CannotEvaluate: The linear solver failed.
+        """
+        eq = self.equilibrium
+        control: Control = volume_control(state.V) if quantity == "volume" else pressure_control(state.P)
+        unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
+        try:
+            along, rates = self.sensitivity.rates(state, control, names)
+        except NoConvergence as failure:
+            raise CannotEvaluate(f"a state has no derivatives: {failure}") from None
+        answers = self._asked.answers if self._asked and any(state is one for one in self._asked.states) else {}
+        answers[id(state)] = Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V), rates, eq.stress_unit
+        outline = {
+            name: self.silhouette.rate(rate.w, name if name in self.lengths else "") for name, rate in rates.items()
+        }
+        pressures = {name: rate.P for name, rate in rates.items()}
+        return Slopes(pressures, outline, along.P * eq.stress_unit / unit, self.silhouette.rate(along.w) / unit)

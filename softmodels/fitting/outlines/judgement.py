@@ -1,0 +1,102 @@
+"""Whether a fit to outlines or heights may be used: chi squared, what the device and the bench can be, and wrong rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from softmodels.fitting.outlines.corrections import corrections, unbelievable
+from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fits_badly, misfits
+from softmodels.fitting.outlines.heights import HeightResiduals
+from softmodels.fitting.outlines.pressure_course import Row
+from softmodels.fitting.outlines.wrong_rows import by_course, by_fit, reading
+from softmodels.fitting.result import Fit
+from softmodels.fitting.soundness import Judgement
+
+MODEL_SHAPE = 0.03
+"""Root mean square distance from an outline, over its height, that a law and a mesh may leave."""
+MODEL_PRESSURE = 0.05
+"""The same of a reading."""
+ERRORS = 5.0
+"""Misfits below this many standard errors are none, however small the height."""
+
+
+def judge_outlines(
+    source: OutlineResiduals, fit: Fit, rows: Sequence[Row], good: Callable[[Sequence[str]], bool]
+) -> Judgement:
+    """Hold a fit to outlines against chance, and against what a device and a bench can be.
+
+    Args:
+        source: The outlines.
+        fit: Their fit.
+        rows: The series of their pressures over their heights.
+        good: Whether a fit without photographs of these names is within chance.
+    """
+    found = {name: pair for name, pair in misfits(source, fit.residuals).items() if fits_badly(*pair)}
+    warnings = tuple(
+        f"{'the pressures' if name == READINGS else name}: the law cannot follow {'them' if name == READINGS else 'it'} (chi "
+        f"squared {chi2:.0f} of {count} values)"
+        for name, (chi2, count) in found.items()
+    )
+    if found:
+        wrong = by_course(rows) or by_fit(fit, _photographs(source, fit), rows, good)
+        if wrong:  # what the fit has bent to follow it means nothing
+            return Judgement((wrong.whole,), warnings)
+    objections = (*(_beyond(source, fit) if found else ()), *unbelievable(fit))
+    return Judgement(objections, warnings, () if objections else tuple(corrections(fit)))
+
+
+def judge_heights(source: HeightResiduals, fit: Fit) -> Judgement:
+    """Hold a fit to heights against what a law and a mesh may leave."""
+    left = np.abs(fit.residuals[: fit.count]) / 1e3
+    i = int(np.argmax(left / source.measured))
+    if left[i] > MODEL_PRESSURE * source.measured[i] + ERRORS * source.height_errors[i]:
+        one = source.heights[i]
+        return Judgement(
+            (
+                f"the law does not follow the heights: {one.source} is {one.height * 1e3:.4g} mm high and would be "
+                f"{left[i] * 1e3:.3g} mm off at {reading(one.pressure)}; check the pressures, the geometry of the case and "
+                "whether it is the part in the photographs, or try another law",
+            )
+        )
+    return Judgement()
+
+
+def within_chance(source: OutlineResiduals, fit: Fit) -> bool:
+    """Whether a fit follows every photograph and the readings within their errors, with a bench that can be."""
+    return not any(fits_badly(*pair) for pair in misfits(source, fit.residuals).values()) and not unbelievable(fit)
+
+
+def _photographs(source: OutlineResiduals, fit: Fit) -> list[str]:
+    """Name of the photograph of each measured residual; that of a reading is its photograph's."""
+    names = [*source.groups.tolist()[: source.count - len(source.shapes)], *(shape.source for shape in source.shapes)]
+    return [*names, *[""] * (fit.count - len(names))]
+
+
+def _beyond(source: OutlineResiduals, fit: Fit) -> list[str]:
+    """What is beyond any law's and any mesh's error."""
+    fittings = source.fittings(fit.values)
+    away = [float(np.sqrt(np.mean(one.distances**2))) for one in fittings]
+    limits = [MODEL_SHAPE * one.shape.height + ERRORS * float(np.median(one.shape.error)) for one in fittings]
+    shapes = [i for i in range(len(fittings)) if away[i] > limits[i]]
+    if shapes:
+        i = max(shapes, key=lambda k: away[k] / limits[k])
+        return [
+            f"{len(shapes)} of {len(fittings)} outlines do not have the shape that the case's device takes: "
+            f"{fittings[i].shape.source} lies {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a height of "
+            f"{fittings[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case wrong?"
+        ]
+    off = [one.pressure - one.true_pressure for one in fittings]
+    share = [
+        abs(by) / (MODEL_PRESSURE * abs(one.shape.pressure) + ERRORS * one.shape.pressure_error)
+        for by, one in zip(off, fittings, strict=True)
+    ]
+    i = int(np.argmax(share))
+    if share[i] <= 1.0:
+        return []
+    shape = fittings[i].shape
+    return [
+        f"the pressures do not go with the outlines: {shape.source} would take {reading(shape.pressure + off[i])}, its row "
+        f"says {reading(shape.pressure)}, and no single row explains it; check the list of photographs, or try another law"
+    ]

@@ -1,0 +1,92 @@
+"""What of a body of revolution's outer curve is seen from the side: a trough behind a higher rim is not.
+
+The shadow reaches, at each height, as far as the body does: its edge is the curve's upper envelope from outside in. Where the
+curve dips behind something higher and farther out, the edge runs level from that rim to where the curve comes up again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.results.quadratic_curve import QuadraticCurve, shapes
+
+Array = npt.NDArray[np.float64]
+
+SAMPLES = 17  # places per piece at which heights are compared
+DEEPEST = 1e-7
+"""Dips in m that are left alone."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shadow:
+    """The visible edge as pieces of a curve.
+
+    Attributes:
+        curve: The edge, as a curve of its own.
+        source: Piece of the whole curve that each of its pieces is a part of, or hangs on, shape (m,).
+        weights: Shape functions of that piece at the new piece's three nodes, shape (m, 3, 3).
+    """
+
+    curve: QuadraticCurve
+    source: npt.NDArray[np.int64]
+    weights: Array
+
+    def rate(self, rate: Array) -> Array:
+        """Derivative of the edge's nodes from that of the whole curve's, shape (n, 3, 2) to (m, 3, 2).
+
+        Where pieces were cut they slide along the curve, and level parts along themselves: neither moves the edge.
+        """
+        return np.einsum("mab,mbi->mai", self.weights, rate[self.source])
+
+
+def shadow_of(curve: QuadraticCurve) -> Shadow:
+    """The visible edge of a curve that runs from the axis outwards and down."""
+    s = np.linspace(-1.0, 1.0, SAMPLES)
+    count = len(curve.nodes)
+    piece, at = np.repeat(np.arange(count), SAMPLES), np.tile(s, count)
+    places = curve.at(piece, at)[0]
+    above = np.maximum.accumulate(places[::-1, 1])[::-1]  # the highest from here outwards
+    hidden = above - places[:, 1] > DEEPEST
+    if not hidden.any():
+        return _assembled(curve, [(k, -1.0, 1.0) for k in range(count)], [])
+    parts: list[tuple[int, float, float]] = []
+    level: list[tuple[int, float, float]] = []
+    seen = ~hidden.reshape(count, SAMPLES)
+    for k in range(count):
+        parts += _runs(k, s, seen[k])
+    ends = np.flatnonzero(hidden[:-1] & ~hidden[1:])  # going outwards, where a trough ends at its rim
+    for end in ends:
+        before = np.flatnonzero(~hidden[: end + 1])
+        start = float(places[before[-1], 0]) if len(before) else 0.0
+        rim = end + 1 + int(np.argmax(places[end + 1 : end + 1 + SAMPLES, 1]))
+        level.append((int(piece[rim]), _summit(curve, int(piece[rim]), float(at[rim])), start))
+    return _assembled(curve, parts, level)
+
+
+def _runs(piece: int, s: Array, seen: npt.NDArray[np.bool_]) -> list[tuple[int, float, float]]:
+    """The seen stretches of one piece, to the resolution of the samples."""
+    edges = np.flatnonzero(np.diff(np.r_[False, seen, False].astype(int)))
+    return [(piece, float(s[a]), float(s[b - 1])) for a, b in edges.reshape(-1, 2) if b - 1 > a]
+
+
+def _summit(curve: QuadraticCurve, piece: int, s: float) -> float:
+    """The highest place of a piece near a parameter."""
+    slope, bend = (vectors[1] for vectors in curve.at(piece, s)[1:])
+    return float(np.clip(s - slope / bend, -1.0, 1.0)) if bend < 0.0 else s
+
+
+def _assembled(
+    curve: QuadraticCurve, parts: list[tuple[int, float, float]], level: list[tuple[int, float, float]]
+) -> Shadow:
+    """Cut pieces (piece, from, to) and level ones (piece and place of the rim, x of the other end)."""
+    source = np.array([part[0] for part in (*parts, *level)])
+    ends = np.array([[a, b, (a + b) / 2] for _, a, b in parts] + [[s, s, s] for _, s, _ in level])
+    weights = shapes(ends)
+    nodes = np.einsum("mab,mbi->mai", weights, curve.nodes[source])
+    for row, (_, _, start) in enumerate(level, len(parts)):
+        x = nodes[row, 0, 0]
+        nodes[row, :, 0] = start, x, (start + x) / 2
+    return Shadow(QuadraticCurve(nodes), source, weights)

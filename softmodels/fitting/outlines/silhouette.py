@@ -1,0 +1,184 @@
+"""The outline of a device that a photograph of its shadow shows, from a state of equilibrium.
+
+For an axisymmetric section it is the deformed outer curve, for a slice the edge between its outer surface and its first cut
+plane. Both are chains of second-order edges: places come from the nodes and are exact on the edges between. Nodes are
+gathered to all ranks, so that everything after that is plain numpy and the same everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.mechanics.body import BodyError
+from softmodels.mechanics.mpi import everywhere
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.system import State
+from softmodels.results.grid import Grid, displacement_maps
+from softmodels.results.quadratic_curve import QuadraticCurve
+
+Array = npt.NDArray[np.float64]
+
+OUTER = "outer"
+"""Role of the facets that are neither held nor loaded; those a sheet can be bonded to have roles of their own."""
+
+
+class Silhouette:
+    """The outer curve of a device in the plane of x (distance from its axis) and z (height above its undeformed top).
+
+    The curve runs from the axis outwards and down the side wall; the solid is on its right.
+
+    Args:
+        equilibrium: The device, its mesh not moved yet.
+
+    Raises:
+        BodyError: The mesh has no such curve.
+
+    Attributes:
+        points: Undeformed nodes in device coordinates, m, shape (n, 3, 3).
+    """
+
+    def __init__(self, equilibrium: Equilibrium):
+        self.equilibrium = eq = equilibrium
+        body, actuator = eq.body, eq.body.actuator
+        grid = Grid(eq)
+        skew, _ = displacement_maps(eq, grid)
+        nodes = _edge_nodes(eq, grid.space, _outer_edges(body))
+        here = grid.space.tabulate_dof_coordinates() * eq.length_unit
+        places = actuator.device_points(here)[nodes]
+        self._dofs = skew[nodes]
+        gathered = everywhere(eq.comm, places)
+        self._along = _sideways(actuator)
+        self._order, self._turned = _chain(gathered, np.asarray(actuator.lift), self._along, eq.length_unit)
+        self.points = self._arranged(gathered)
+        self.top = self.points[0, 0]
+
+    def _arranged(self, values: Array) -> Array:
+        """Values of all ranks' edges, shape (m, 3, ...), as those of the chain."""
+        chosen = values[self._order]
+        chosen[self._turned] = chosen[self._turned][:, [1, 0, 2]]
+        return chosen
+
+    def _in_plane(self, vectors: Array) -> Array:
+        return np.stack([vectors @ self._along, vectors @ np.asarray(self.equilibrium.body.actuator.lift)], axis=-1)
+
+    def _displacement(self, w: Array) -> Array:
+        eq = self.equilibrium
+        u = everywhere(eq.comm, w[self._dofs]) @ eq.body.skew_inverse.T * eq.length_unit
+        if u.shape[-1] == 2:
+            u = np.stack([u[..., 0], np.zeros(u.shape[:-1]), u[..., 1]], axis=-1)
+        return self._arranged(u)
+
+    def curve(self, state: State, lengths: Mapping[str, float] | None = None) -> QuadraticCurve:
+        """The deformed curve in m; ``lengths`` are those the mesh has been moved to (`Reshaping.move`)."""
+        actuator = self.equilibrium.body.actuator
+        places = self.points - self.top
+        for name, value in (lengths or {}).items():
+            places = places + (value - getattr(actuator, name)) * self._motion(name)
+        return QuadraticCurve(self._in_plane(places + self._displacement(state.w)))
+
+    def rate(self, w: Array, length: str = "") -> Array:
+        """Derivative of the curve's nodes, shape (n, 3, 2).
+
+        Args:
+            w: Derivative of the state's dof values, as `softmodels.mechanics.sensitivity.Rate.w`.
+            length: The length of the device by which it is, if it is one: heights count from the top, which moves.
+        """
+        moved = self._displacement(w)
+        return self._in_plane(moved + self._motion(length) if length else moved)
+
+    def _motion(self, name: str) -> Array:
+        actuator = self.equilibrium.body.actuator
+        moved = actuator.velocity(name, self.points.reshape(-1, 3)).reshape(self.points.shape)
+        return moved - actuator.velocity(name, self.top[None])
+
+    @property
+    def width(self) -> float:
+        """Distance of the undeformed curve's farthest node from the axis in m."""
+        return float((self.points @ self._along).max())
+
+
+def _outer_edges(body: Any) -> npt.NDArray[np.int32]:
+    """Local edges of the outer curve: outer facets of a section; edges of both an outer and a cut facet of a slice."""
+    dim = body.actuator.dimension
+    roles = [role for role in (OUTER, *body.actuator.faces) if role in body.entities]
+    if not roles:
+        raise BodyError(f"the mesh has no facets named {OUTER!r}, whose shadow could be seen")
+    facets = np.unique(np.concatenate([body.entities[role][1] for role in roles]))
+    if dim == 2:
+        return facets
+    if not body.actuator.cut_planes:
+        raise BodyError("a whole device has no edge that is its outline; use a slice or --section axisymmetric")
+    topology = body.mesh.topology
+    topology.create_connectivity(2, 1)
+    edges_of = topology.connectivity(2, 1)
+
+    def edges(found: Any) -> Any:
+        return np.unique(np.concatenate([edges_of.links(facet) for facet in found] or [np.empty(0, dtype=np.int32)]))
+
+    plane = body.entities.get(body.actuator.cut_planes[0].name, (2, ()))[1]
+    return np.intersect1d(edges(facets), edges(plane)).astype(np.int32)
+
+
+def _edge_nodes(eq: Any, space: Any, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+    """Local nodes of edges in a second-order space: both ends, then the middle; shape (m, 3)."""
+    topology = eq.body.mesh.topology
+    dim = topology.dim
+    topology.create_connectivity(1, dim)
+    topology.create_connectivity(dim, 1)
+    cells_of, edges_of, layout = topology.connectivity(1, dim), topology.connectivity(dim, 1), space.dofmap.dof_layout
+    nodes = np.empty((len(edges), 3), dtype=np.int64)
+    for row, edge in enumerate(edges):
+        cell = cells_of.links(edge)[0]
+        number = int(np.flatnonzero(edges_of.links(cell) == edge)[0])
+        found = sorted(layout.entity_closure_dofs(1, number))  # a cell's vertices come first
+        nodes[row] = space.dofmap.cell_dofs(cell)[found]
+    return nodes
+
+
+def _sideways(actuator: Any) -> Array:
+    """Unit vector of the outline's plane square to the lift, from the axis towards the slice."""
+    if actuator.dimension == 2:
+        return np.array([1.0, 0.0, 0.0])
+    along = np.cross(actuator.lift, actuator.cut_planes[0].normal)
+    return along / np.linalg.norm(along)
+
+
+def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Order of edges (m, 3, 3) from the axis at the top outwards, down to the underside, and which of them to turn."""
+    keys = np.round(edges[:, :2] / size * 1e7).astype(np.int64)
+    ends = [[tuple(end) for end in pair] for pair in keys.tolist()]
+    meeting: dict[Any, list[int]] = {}
+    seen: set[Any] = set()
+    for i, pair in enumerate(ends):
+        if frozenset(pair) in seen:  # another rank has this edge too
+            continue
+        seen.add(frozenset(pair))
+        for end in pair:
+            meeting.setdefault(end, []).append(i)
+    height, radius = edges[:, :2] @ lift, edges[:, :2] @ along
+    on_axis = np.argwhere(np.abs(radius) < 1e-7 * size)
+    if not len(on_axis):
+        raise BodyError("the outer surface does not reach the axis, so its outline cannot be followed")
+    top = max(on_axis.tolist(), key=lambda place: height[tuple(place)])
+    start = ends[top[0]][top[1]]
+    i = meeting[start][0]
+    floor = height.min() + 1e-7 * size
+    order, turned = [], []
+    while True:
+        flip = ends[i][0] != start
+        if (height[i] <= floor).all():
+            break
+        order.append(i)
+        turned.append(flip)
+        start = ends[i][0] if flip else ends[i][1]
+        following = [j for j in meeting[start] if j != i]
+        if not following:
+            break
+        i = following[0]
+    if not order:
+        raise BodyError("the outer surface has no top on the axis, so its outline cannot be followed")
+    return np.array(order), np.array(turned)

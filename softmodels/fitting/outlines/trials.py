@@ -1,0 +1,118 @@
+"""One law tried on a device's outlines or heights: its fit, and whether that may be used."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from softmodels.fitting.outlines.check import series_of, series_of_shapes
+from softmodels.fitting.outlines.data import Shape
+from softmodels.fitting.outlines.fit import Bench, OutlineResiduals, fit_outlines, nuisances
+from softmodels.fitting.outlines.forward import Inflation
+from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_heights
+from softmodels.fitting.outlines.judgement import judge_heights, judge_outlines, within_chance
+from softmodels.fitting.outlines.pressure_course import Row
+from softmodels.fitting.outlines.wrong_rows import by_course
+from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Residuals, UnsoundError
+from softmodels.fitting.result import Fit
+from softmodels.fitting.soundness import Judgement
+
+Others = tuple[Sequence[Residuals], Sequence[Parameter]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trial:
+    """A law's fit.
+
+    Attributes:
+        source: What it was fitted to.
+        fit: The fit.
+        judgement: What speaks against it.
+        rows: The series of pressures over heights, of outlines.
+    """
+
+    source: Any
+    fit: Fit
+    judgement: Judgement
+    rows: tuple[Row, ...] = ()
+
+
+def try_outlines(
+    device: Inflation,
+    shapes: Sequence[Shape],
+    bench: Bench,
+    others: Others = ((), ()),
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    loss: str = "linear",
+    rows: Sequence[Row] = (),
+) -> Trial:
+    """Fit a law to all outlines, and look for those that contradict the others where the fit is beyond chance.
+
+    Args:
+        device: The device under the law.
+        shapes: The outlines, prepared.
+        bench: What is free beside the law.
+        others: Further sources, such as tensile curves, and their parameters.
+        changes: See `fit_outlines`.
+        loss: See `fit_outlines`.
+        rows: The series, if another law's trial has it already: all laws are then fitted to the same photographs.
+
+    Raises:
+        UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
+        FitError: The fit fails.
+    """
+    nuisances(OutlineResiduals(device, shapes), bench)  # names that nothing has, before anything is solved
+    rows = rows or series_of_shapes(device, shapes)
+    wrong = by_course(rows)
+    doubted = wrong.names if wrong else ()
+
+    def fitted(chosen: Sequence[Shape], doubted: Sequence[str] = ()) -> tuple[OutlineResiduals, Fit]:
+        source = OutlineResiduals(device, chosen)
+        found = fit_outlines(
+            source, bench, more=others[0], others=others[1], changes=changes, loss=loss, doubted=doubted
+        )
+        return source, found
+
+    def good(without: Sequence[str]) -> bool:
+        try:
+            return within_chance(*fitted([shape for shape in shapes if shape.source not in without]))
+        except (FitError, CannotEvaluate):
+            return False
+
+    try:
+        if wrong and wrong.gross:  # a fit that bends to follow such a row takes a minute and means nothing
+            source, fit = fitted([shape for shape in shapes if shape.source not in doubted])
+            return Trial(
+                source, fit, Judgement((f"{wrong.whole} (the numbers reported are of such a fit)",)), tuple(rows)
+            )
+        source, fit = fitted(shapes, doubted)
+    except FitError as error:
+        if wrong:
+            raise UnsoundError(f"{wrong.whole} (with all photographs: {error})") from None
+        raise
+    return Trial(source, fit, judge_outlines(source, fit, rows, good), tuple(rows))
+
+
+def try_heights(
+    device: Inflation,
+    heights: Sequence[Height],
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    loss: str = "linear",
+) -> Trial:
+    """Fit a law to heights whose series has no row that contradicts the others.
+
+    Raises:
+        UnsoundError: It has.
+        FitError: The fit fails.
+    """
+    columns = [(one.height, one.pressure, one.pressure_error, one.height_error) for one in heights]
+    rows, _ = series_of(device, [one.source for one in heights], *np.array(columns).T)
+    wrong = by_course(rows)
+    if wrong:
+        raise UnsoundError(wrong.whole)
+    source = HeightResiduals(device, heights)
+    fit = fit_heights(source, changes=changes, loss=loss)
+    return Trial(source, fit, judge_heights(source, fit))

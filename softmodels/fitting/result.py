@@ -1,0 +1,351 @@
+"""What a fit found: values, error bars, what the data see of them, and how well they are followed."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtri, stdtrit
+
+if TYPE_CHECKING:
+    from softmodels.fitting.problem import Parameter, Problem
+
+Array = npt.NDArray[np.float64]
+
+LEVEL = 0.95
+SHORTEST = 8
+"""Groups with fewer residuals than this tell nothing about the correlation along them."""
+BLIND = 1e-8
+"""Directions in which the scaled Jacobian is this much smaller than in its largest are not seen at all."""
+LEAST_FREEDOM = 0.2
+"""A residual whose leverage leaves it less freedom than this counts as if it had this much."""
+EXACT = 1e-6
+"""Residuals below this share of the model are no scatter."""
+
+
+@dataclasses.dataclass(frozen=True)
+class StartResult:
+    """Where one start ended: parameters, deviance (infinite if it could not begin), and what went wrong, if anything."""
+
+    values: Mapping[str, float]
+    deviance: float
+    trouble: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """What each measured residual belongs to: its group, and the size and unit of a residual of 1."""
+
+    groups: list[str]
+    sizes: list[float]
+    units: list[str]
+
+
+@dataclasses.dataclass(frozen=True)
+class GroupSummary:
+    """Residuals of one group, in ``unit``: root mean square, mean and largest (with its sign).
+
+    Attributes:
+        count: How many.
+        run: Over how many neighbours they keep together; 1 for independent scatter.
+    """
+
+    unit: str
+    count: int
+    rms: float
+    mean: float
+    largest: float
+    run: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Fit:
+    """A fit and its statistics.
+
+    Error bars rest on the sandwich formula of robust regression (Huber & Ronchetti 2009, Robust Statistics, section 7.6),
+    widened where neighbouring residuals keep together: a law that misses a densely measured curve leaves long runs of one
+    sign, and a hundred points of one run are worth about one.
+
+    Attributes:
+        label: What was fitted.
+        parameters: All parameters, the fixed ones too.
+        values: Their values by name.
+        residuals: Standardised residuals, the priors' last, shape (n,).
+        jacobian: Their derivatives by the free parameters, shape (n, m).
+        rows: What the residuals are.
+        deviance: Sum of the loss over the squared residuals: chi squared, for a linear loss.
+        loss: See `softmodels.fitting.least_squares.fit`.
+        errors: See `softmodels.fitting.least_squares.fit`.
+        evaluations: Evaluations of the sources so far.
+        starts: Where each start ended.
+        problem: What `profile` solves again.
+        troubles: Sentences on what speaks against the fit; none if it ended well.
+        shared: Change of each measured residual by one standard error of each thing that all of them have in common and that
+            no parameter stands for, shape (count, k); None for none.
+    """
+
+    label: str
+    parameters: tuple[Parameter, ...]
+    values: Mapping[str, float]
+    residuals: Array
+    jacobian: Array
+    rows: Rows
+    deviance: float
+    loss: str
+    errors: str
+    evaluations: int
+    starts: tuple[StartResult, ...]
+    problem: Problem
+    troubles: tuple[str, ...]
+    shared: Array | None = None
+
+    @property
+    def free(self) -> list[Parameter]:
+        return [p for p in self.parameters if not p.fixed]
+
+    @property
+    def converged(self) -> bool:
+        return not any("not to be trusted" in trouble for trouble in self.troubles)
+
+    @property
+    def count(self) -> int:
+        """Measured residuals, without the priors'."""
+        return len(self.rows.groups)
+
+    @functools.cached_property
+    def at_bounds(self) -> dict[str, float]:
+        """Free parameters that ended at a bound, and which."""
+        found = {}
+        for p in self.free:
+            x = p.inward(self.values[p.name])
+            for end in (p.lower, p.upper):
+                if math.isfinite(end) and abs(x - p.inward(end)) <= 1e-6 * max(1.0, abs(x)):
+                    found[p.name] = end
+        return found
+
+    # -- scatter ------------------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def influence(self) -> tuple[Array, float]:
+        """Influence psi of each measured residual, and the mean of its slope."""
+        r = self.residuals[: self.count]
+        if self.loss == "linear":
+            return r, 1.0
+        return r / np.sqrt(1 + r**2), float(np.mean((1 + r**2) ** -1.5))
+
+    @functools.cached_property
+    def scatter(self) -> float:
+        """Standard deviation of the residuals in units of their stated errors, counted as the loss counts them."""
+        psi, slope = self.influence
+        freedom = max(len(self.residuals) - len(self.free), 1)
+        return math.sqrt(len(self.residuals) / freedom * float(np.mean(psi**2))) / slope
+
+    @property
+    def dispersion(self) -> float:
+        """Variance of a residual as the error bars take it: never below the stated one, if errors are stated."""
+        return self.scatter**2 if self.errors == "unknown" else max(1.0, self.scatter**2)
+
+    @functools.cached_property
+    def runs(self) -> dict[str, float]:
+        """By group: over how many neighbours its residuals keep together (integrated autocorrelation, at least 1)."""
+        psi, _ = self.influence
+        labels = np.array(self.rows.groups)
+        return {str(name): autocorrelation_time(psi[labels == name]) for name in dict.fromkeys(self.rows.groups)}
+
+    @functools.cached_property
+    def independent(self) -> float:
+        """How many independent residuals the measured ones are worth."""
+        return sum(self.rows.groups.count(name) / run for name, run in self.runs.items())
+
+    # -- error bars ---------------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def covariance(self) -> Array:
+        """Covariance of the free parameters in their units, shape (m, m).
+
+        Infinite where the data see nothing, and nan for parameters at a bound, whose neighbours' are as if it were fixed.
+        """
+        inside = [i for i, p in enumerate(self.free) if p.name not in self.at_bounds]
+        full = np.full((len(self.free), len(self.free)), np.nan)
+        if inside:
+            full[np.ix_(inside, inside)] = self._sandwich(self.jacobian[:, inside])
+        return full + self.considered
+
+    @functools.cached_property
+    def considered(self) -> Array:
+        """The part of the covariance that `shared` errors make, shape (m, m)."""
+        if self.shared is None:
+            return np.zeros((len(self.free), len(self.free)))
+        inside = [p.name not in self.at_bounds for p in self.free]
+        J = self.jacobian[: self.count] * inside
+        moved = np.linalg.pinv(J, rcond=BLIND) @ self.shared
+        return np.asarray(moved @ moved.T)
+
+    def _sandwich(self, J: Array) -> Array:
+        size = np.linalg.norm(J, axis=0)
+        size[size == 0.0] = 1.0
+        bread, meat = self.information(J / size)
+        eigenvalues, vectors = np.linalg.eigh(bread)
+        seen = eigenvalues > BLIND**2 * max(eigenvalues[-1], 1e-300)
+        inverse = (vectors[:, seen] / eigenvalues[seen]) @ vectors[:, seen].T
+        covariance = inverse @ meat @ inverse
+        blind = (np.abs(vectors[:, ~seen]) > 1e-6).any(axis=1)
+        covariance[blind, :] = covariance[:, blind] = np.nan
+        covariance[blind, blind] = np.inf
+        result: Array = covariance / np.outer(size, size)
+        return result
+
+    def information(self, J: Array) -> tuple[Array, Array]:
+        """Expected curvature of half the deviance, and the variance of its slope.
+
+        Stated errors say how the variance is spread over the residuals. Unknown ones do not: there each residual speaks
+        for itself, made larger by its leverage (HC3: MacKinnon & White 1985, doi 10.1016/0304-4076(85)90158-7), so that a
+        mistaken weighting costs width and not truth.
+        """
+        psi, slope = self.influence
+        data, priors = J[: self.count], J[self.count :]
+        known = priors.T @ priors
+        bread = slope * data.T @ data + known
+        spread = np.array([self.runs[name] for name in self.rows.groups])
+        if self.errors == "unknown":
+            inverse = np.linalg.pinv(bread, rcond=BLIND**2, hermitian=True)
+            leverage = slope * np.einsum("ij,jk,ik->i", data, inverse, data)
+            spread = spread * (psi / np.maximum(1 - leverage, LEAST_FREEDOM)) ** 2
+        else:
+            spread = spread * self.dispersion * slope**2
+        return bread, (data.T * spread) @ data + known
+
+    @functools.cached_property
+    def newton_step(self) -> float:
+        """How far one more Gauss-Newton step would move the parameters, in standard errors; 0 at a minimum."""
+        inside = [i for i, p in enumerate(self.free) if p.name not in self.at_bounds]
+        if not inside:
+            return 0.0
+        J = self.jacobian[:, inside]
+        size = np.linalg.norm(J, axis=0)
+        J = J / np.where(size == 0.0, 1.0, size)
+        psi, _ = self.influence
+        gradient = J.T @ np.concatenate([psi, self.residuals[self.count :]])
+        bread, _ = self.information(J)
+        step = np.linalg.pinv(bread, rcond=BLIND, hermitian=True) @ gradient
+        # Numbers that a law follows to rounding have no standard error to speak of.
+        model = self.jacobian[: self.count] @ np.array([self.values[p.name] for p in self.free])
+        rounding = EXACT**2 * float(np.mean(model**2))
+        return math.sqrt(max(float(gradient @ step), 0.0) / max(self.dispersion, rounding, 1e-300))
+
+    @property
+    def quantile(self) -> float:
+        """Half a 95 % interval in standard errors: Student's where the errors' size follows from the scatter."""
+        if self.errors == "stated" and self.dispersion == 1.0:
+            return float(ndtri((1 + LEVEL) / 2))
+        return float(stdtrit(max(self.independent - len(self.free), 1.0), (1 + LEVEL) / 2))
+
+    def error(self, name: str) -> float:
+        """Standard error of a parameter in its unit; 0 if it is fixed, nan at a bound."""
+        names = [p.name for p in self.free]
+        if name not in names:
+            return 0.0
+        variance = self.covariance[names.index(name)][names.index(name)]
+        return math.inf if variance < 0.0 else math.sqrt(variance)  # below zero: nothing but rounding is left of it
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % interval of a parameter from the covariance, in its unit; nan at a bound (see `profile`)."""
+        reach = self.reach(name)
+        return self.values[name] - reach, self.values[name] + reach
+
+    def reach(self, name: str) -> float:
+        """Half of a parameter's 95 % interval: the scatter counts by Student's quantile, what is considered by the normal."""
+        names = [p.name for p in self.free]
+        if name not in names:
+            return 0.0
+        considered = float(self.considered[names.index(name)][names.index(name)])
+        own = max(self.error(name) ** 2 - considered, 0.0) if math.isfinite(self.error(name)) else self.error(name)
+        return math.sqrt(self.quantile**2 * own + ndtri((1 + LEVEL) / 2) ** 2 * considered)
+
+    @functools.cached_property
+    def correlations(self) -> Array:
+        """Correlations of the free parameters' estimates, shape (m, m); nan where there is no variance."""
+        with np.errstate(invalid="ignore"):
+            sizes = np.sqrt(np.diag(self.covariance))
+            return self.covariance / np.outer(sizes, sizes)
+
+    def profile(self, name: str, n: int = 15) -> Any:
+        """The deviance along one parameter, the others fitted anew; see `softmodels.fitting.profile.profile`."""
+        from softmodels.fitting.profile import profile
+
+        return profile(self, name, n)
+
+    # -- what the data see --------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def singular_values(self) -> tuple[Array, Array]:
+        """See `softmodels.fitting.identifiability.singular_values`."""
+        from softmodels.fitting.identifiability import singular_values
+
+        return singular_values(self)
+
+    @functools.cached_property
+    def unseen(self) -> tuple[str, ...]:
+        """Sentences on parameters, or combinations of them, that the data do not determine."""
+        from softmodels.fitting.identifiability import unseen
+
+        return unseen(self)
+
+    # -- how well it fits ---------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def summaries(self) -> dict[str, GroupSummary]:
+        """Residuals of each group in their own unit."""
+        labels, units = np.array(self.rows.groups), self.rows.units
+        own = self.residuals[: self.count] * np.array(self.rows.sizes)
+        made = {}
+        for name, run in self.runs.items():
+            here = np.flatnonzero(labels == name)
+            part = own[here]
+            largest = float(part[np.argmax(np.abs(part))])
+            rms = math.sqrt(float(np.mean(part**2)))
+            made[name] = GroupSummary(units[here[0]], len(part), rms, float(part.mean()), largest, run)
+        return made
+
+    @property
+    def aicc(self) -> float:
+        """Akaike's criterion with its correction for few data (Hurvich & Tsai 1989, doi 10.1093/biomet/76.2.297)."""
+        m = len(self.free) + (self.errors == "unknown")
+        return self._misfit + 2 * m + 2 * m * (m + 1) / max(self.count - m - 1, 1)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion (1978, doi 10.1214/aos/1176344136)."""
+        return self._misfit + (len(self.free) + (self.errors == "unknown")) * math.log(self.count)
+
+    @property
+    def _misfit(self) -> float:
+        if self.errors == "stated":
+            return self.deviance
+        return self.count * math.log(max(self.deviance, 1e-300) / self.count)
+
+
+def autocorrelation_time(r: Array) -> float:
+    """Sum of the autocorrelation over all lags, at least 1: how many neighbours are worth one independent value.
+
+    The sum ends at the first lag whose correlation could be chance (2 / sqrt(n)).
+
+    Args:
+        r: Values in their order, shape (n,).
+    """
+    n = len(r)
+    power = float(np.sum(r**2))
+    if n < SHORTEST or power == 0.0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, n // 2):
+        correlation = float(np.sum(r[lag:] * r[:-lag])) / power
+        if correlation < 2 / math.sqrt(n):
+            break
+        total += 2 * correlation
+    return min(total, n / 2)

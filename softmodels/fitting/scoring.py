@@ -1,0 +1,153 @@
+"""How well a given law predicts measurements that it was not fitted to: misfit, chi squared, coverage, worst place."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.fitting.curves.curve import TensileCurve, TensileError
+from softmodels.fitting.curves.fit import StressError
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.materials.laws import Material, Ogden
+from softmodels.materials.specimens import parameter_names, respond
+
+Array = npt.NDArray[np.float64]
+
+WITHIN = 1.959964
+"""Half of the 95 % band of a normal error, in standard errors."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """One material against one measurement.
+
+    Attributes:
+        material: Its name as asked for.
+        data: What it was held against.
+        count: Measured values.
+        rms: Root mean square of predicted less measured, in ``unit``; across the outlines, where there are some.
+        unit: Pa or m.
+        chi2: Chi squared per value (per degree of freedom where the bench is fitted along): 1 where the law is off by no
+            more than the measurement's error.
+        coverage: Share of the values within the 95 % band of the measurement's error about the prediction.
+        worst: Where the law is furthest off, in words.
+    """
+
+    material: str
+    data: str
+    count: int
+    rms: float
+    unit: str
+    chi2: float
+    coverage: float
+    worst: str
+
+
+def score_curve(name: str, material: Material, curve: TensileCurve, error: StressError) -> Score:
+    """Hold a material against a measured curve.
+
+    Args:
+        name: The material's name.
+        material: The law.
+        curve: The measured ramp.
+        error: Standard error of the stress.
+
+    Raises:
+        TensileError: The law has no stress somewhere on the curve.
+    """
+    predicted = respond(material, curve.stretch, curve.mode).stress
+    if not np.isfinite(predicted).all():
+        first = float(curve.stretch[~np.isfinite(predicted)][0])
+        raise TensileError(f"{name} has no stress at stretch {first:.4g} of {curve.name}; keep below it with --stretch")
+    off = predicted - curve.stress
+    sizes = off / error.of(curve)
+    at = int(np.argmax(np.abs(sizes)))
+    share = f", {100 * off[at] / curve.stress[at]:+.3g} %" if curve.stress[at] else ""
+    worst = f"{off[at] / 1e3:+.3g} kPa at stretch {curve.stretch[at]:.4g} ({sizes[at]:+.2g} standard errors{share})"
+    return Score(
+        name, f"{curve.name} ({curve.mode})", len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst
+    )
+
+
+def score_outlines(name: str, material: Material, case: Any, outlines: Sequence[Any], comm: Any) -> Score:
+    """Hold a material against outlines of a device: the law as it is, what the bench may have got wrong fitted along.
+
+    Args:
+        name: The material's name.
+        material: The law.
+        case: The device.
+        outlines: Its measured outlines.
+        comm: Processes that solve together.
+
+    Raises:
+        FitError: The device has no such states under this law, or cannot be the one in the photographs.
+    """
+    from softmodels.fitting.outlines.data import prepare
+    from softmodels.fitting.outlines.device import device_of
+    from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fit_outlines
+
+    choice = choice_of(material)
+    device = device_of(case, choice, comm)
+    shapes, _ = prepare(outlines, case.actuator, device.silhouette.width)
+    source = OutlineResiduals(device, shapes)
+    fixed = {key: {"start": value, "fixed": True} for key, value in values_of(material).items()}
+    fit = fit_outlines(source, changes=fixed)
+    fittings = source.fittings(fit.values)
+    sizes = fit.residuals[: fit.count]
+    off = np.concatenate([one.distances for one in fittings])
+    at = int(np.argmax(np.abs(sizes)))
+    group = fit.rows.groups[at]
+    if group == READINGS:
+        one = fittings[at - (fit.count - len(fittings))]
+        told = f"{(one.pressure - one.true_pressure) / 1e3:+.3g} kPa of pressure for the outline {one.shape.source}"
+    else:
+        one = next(one for one in fittings if one.shape.source == group)
+        told = f"{one.distances[np.argmax(np.abs(one.distances))] * 1e3:+.3g} mm in {group}"
+    worst = f"{told} ({sizes[at]:+.2g} standard errors)"
+    label = f"{len(shapes)} outlines of {case.name}"
+    freedom = max(len(fit.residuals) - len(fit.free), 1)
+    return Score(name, label, fit.count, _rms(off), "m", fit.deviance / freedom, _covered(sizes), worst)
+
+
+def choice_of(material: Material) -> LawChoice:
+    """The law of a material, with its number of terms and its Poisson's ratio."""
+    if isinstance(material, Ogden):
+        return LawChoice(f"ogden{len(material.mu)}", Ogden, len(material.mu), material.poisson)
+    return LawChoice(material.name, type(material), 0, material.poisson)
+
+
+def values_of(material: Material) -> dict[str, float]:
+    """A material's numbers by the names that a fit gives them, Poisson's ratio left out."""
+    if isinstance(material, Ogden):
+        pairs = enumerate(zip(material.mu, material.alpha, strict=True), 1)
+        return {key: value for i, (mu, alpha) in pairs for key, value in ((f"mu{i}", mu), (f"alpha{i}", alpha))}
+    return {name: float(getattr(material, name)) for name in parameter_names(material)}
+
+
+def _rms(values: Array) -> float:
+    return math.sqrt(_mean_square(values))
+
+
+def _mean_square(values: Array) -> float:
+    return float(np.mean(values**2))
+
+
+def _covered(sizes: Array) -> float:
+    return float(np.mean(np.abs(sizes) <= WITHIN))
+
+
+def write_scores(path: Path, scores: Sequence[Score]) -> None:
+    """Every number as CSV, one row per material and measurement."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["material", "data", "values", "rms", "unit", "chi2_per_value", "coverage_95", "worst"])
+        for one in scores:
+            numbers = [f"{one.rms:.9g}", one.unit, f"{one.chi2:.9g}", f"{one.coverage:.6g}"]
+            rows.writerow([one.material, one.data, one.count, *numbers, one.worst])

@@ -1,0 +1,318 @@
+"""A fit in words and tables: for the terminal, for a page, and as files that go on into a simulation."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import functools
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from softmodels.case.case import material_table
+from softmodels.fitting.comparison import Comparison
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.profile import Profile
+from softmodels.fitting.result import Fit
+from softmodels.fitting.soundness import NOTHING, Judgement, objections
+from softmodels.materials.laws import Material, Ogden
+from softmodels.materials.specimens import respond
+from softmodels.materials.stability import Verdict
+
+if TYPE_CHECKING:
+    from softmodels.fitting.curves.contradiction import Apart
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Fitted:
+    """A law with its fit and what it is worth.
+
+    Attributes:
+        choice: The law.
+        fit: Its fit.
+        material: With the fitted values.
+        verdict: Its stability within the fitted range.
+        profiles: By parameter; empty if none were asked for.
+        judgement: What speaks against it by what is known of the device and the bench.
+    """
+
+    choice: LawChoice
+    fit: Fit
+    material: Material
+    verdict: Verdict
+    profiles: dict[str, Profile]
+    judgement: Judgement = NOTHING
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Everything that speaks against it."""
+        profiles = (p.trouble for p in self.profiles.values() if p.trouble)
+        found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
+        return tuple(dict.fromkeys(found))
+
+    @functools.cached_property
+    def objections(self) -> tuple[str, ...]:
+        """What forbids its use, whether or not it converged and is stable."""
+        own = objections(self.fit, lambda values: self.choice.material(values).shear_modulus_0)
+        return (*self.judgement.objections, *own)
+
+    @property
+    def sound(self) -> bool:
+        """Whether it converged, is stable within its range, and nothing forbids its use."""
+        return self.fit.converged and not self.verdict.flags and not self.objections
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % interval: the likelihood's where there is a profile, else the covariance's."""
+        return self.profiles[name].interval if name in self.profiles else self.fit.interval(name)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Report:
+    """All that was fitted, best law first, to which curves, and how.
+
+    Attributes:
+        laws: Fitted laws, by the comparison's order.
+        comparison: What the criterion says.
+        curves: Measured curves within the fit's range.
+        how: The weighting in words.
+        apart: Curves that contradict each other, with a fit of each alone; None where they go together.
+    """
+
+    laws: tuple[Fitted, ...]
+    comparison: Comparison
+    curves: tuple[TensileCurve, ...]
+    how: str
+    apart: Apart | None = None
+
+    @property
+    def chosen(self) -> Fitted:
+        """The preferred law; if that is not sound, the best that is; if none is, the preferred all the same."""
+        preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
+        return next((one for one in (preferred, *self.laws) if one.sound), preferred)
+
+    def own_pictures(self) -> dict[str, Any]:
+        """Figures by file name that only this kind of report has."""
+        return {}
+
+    @property
+    def ranges(self) -> list[str]:
+        """Which part of each curve was fitted, and what was left out of it."""
+        return [
+            f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
+            + "".join(f"; {remark}" for remark in c.remarks)
+            for c in self.curves
+        ]
+
+    @property
+    def verdict(self) -> str:
+        """Which law was taken, and why."""
+        preferred = self.comparison.preferred
+        if self.chosen.fit is preferred:
+            return self.comparison.sentence
+        one = next(one for one in self.laws if one.fit is preferred)
+        reason = "is not stable within the range" if one.verdict.flags else "is not sound"
+        reason = reason if preferred.converged else "did not converge"
+        ratio = {one.fit.label: one.ratio for one in self.comparison.ranked}
+        times = ratio[self.chosen.fit.label] / ratio[preferred.label]
+        return (
+            f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is taken, whose misfit "
+            f"is {times:.3g} times as large"
+        )
+
+
+def shown(value: float, unit: str, error: float = math.nan) -> tuple[str, str]:
+    """A value and its unit for reading: stresses in the unit that suits their size, digits that suit their error."""
+    factor, name = 1.0, unit
+    if unit == "Pa":
+        size = abs(value)
+        factor, name = (1e-6, "MPa") if size >= 1e6 else (1e-3, "kPa") if size >= 10.0 else (1.0, "Pa")
+    if unit == "m":
+        factor, name = 1e3, "mm"
+    digits = 4
+    if math.isfinite(error) and 0.0 < error < abs(value):
+        digits = min(max(math.ceil(math.log10(abs(value) / error)) + 2, 2), 9)
+    return f"{value * factor:.{digits}g}", name
+
+
+def parameter_rows(one: Fitted) -> list[tuple[str, str, str, str]]:
+    """Parameter, value, unit and 95 % interval, as texts."""
+    rows = []
+    for p in one.fit.parameters:
+        if p.hidden:
+            continue
+        value = one.fit.values[p.name]
+        text, unit = shown(value, p.unit, one.fit.error(p.name))
+        if p.fixed:
+            rows.append((p.name, text, unit, "fixed"))
+            continue
+        factor = {"MPa": 1e-6, "kPa": 1e-3, "mm": 1e3}.get(unit, 1.0)
+        low, high = (_plain(end * factor, one.fit.error(p.name) * factor) for end in one.interval(p.name))
+        ends = [f"{t} (its bound)" if e in (p.lower, p.upper) else t
+                for t, e in zip((low, high), one.interval(p.name), strict=True)]  # fmt: skip
+        rows.append((p.name, text, unit, " to ".join(ends) if "nan" not in (low, high) else "at a bound"))
+    return rows
+
+
+def _plain(value: float, error: float) -> str:
+    if not math.isfinite(value):
+        return "nan" if math.isnan(value) else "-infinity" if value < 0 else "infinity"
+    if not (math.isfinite(error) and error > 0.0):
+        return f"{value:.4g}"
+    digits = max(math.ceil(math.log10(max(abs(value), error) / error)) + 2, 2)
+    return f"{value:.{min(digits, 9)}g}"
+
+
+def correlation_rows(one: Fitted) -> list[list[str]]:
+    """The correlations of the free parameters below the diagonal, as texts; empty for one parameter."""
+    names, R = [p.name for p in one.fit.free if not p.hidden], one.fit.correlations
+    return [[names[i], *(f"{R[i, j]:+.3f}" for j in range(i))] for i in range(1, len(names))]
+
+
+def residual_rows(one: Fitted) -> list[tuple[str, str, str, str, str]]:
+    """Group, rms, mean, largest, and over how many points residuals keep together, as texts."""
+    rows = []
+    for name, group in one.fit.summaries.items():
+        factor, unit = (1e-3, "kPa") if group.unit == "Pa" else (1.0, group.unit)
+        numbers = [f"{value * factor:.3g} {unit}" for value in (group.rms, group.mean, group.largest)]
+        rows.append((name, *numbers, f"{group.run:.0f} of {group.count}"))
+    return rows  # type: ignore[return-value]
+
+
+def other_convention(one: Fitted) -> str:
+    """Ogden's factors in the convention of many other programs; empty for other laws."""
+    if not isinstance(one.material, Ogden):
+        return ""
+    pairs = zip(one.material.mu, one.material.alpha, strict=True)
+    values = ", ".join(" ".join(shown(mu * alpha / 2, "Pa")) for mu, alpha in pairs)
+    return f"mu is meant as W = sum mu/alpha (...); in the convention 2mu/alpha^2 the factors are {values}"
+
+
+def as_text(report: Report) -> str:
+    """The report for a terminal."""
+    lines = [*report.ranges, report.how, ""]
+    for one in report.laws:
+        modulus, unit = shown(one.material.shear_modulus_0, "Pa")
+        lines.append(
+            f"{one.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {one.material.poisson:g} (given)"
+        )
+        lines += [
+            f"  {name:14s} {value:>12s} {unit:4s} 95 %: {interval}"
+            for name, value, unit, interval in parameter_rows(one)
+        ]
+        for name, *others in correlation_rows(one):
+            pairs = zip(one.fit.free, others, strict=False)
+            lines.append(f"  correlation of {name}: " + ", ".join(f"{p.name} {text}" for p, text in pairs))
+        for name, rms, mean, largest, run in residual_rows(one):
+            lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residuals keep together over {run}")
+        lines += [f"  {text}" for text in (other_convention(one),) if text]
+        lines += [f"  {'not sound' if text in one.objections else 'warning'}: {text}" for text in one.warnings]
+        lines += [f"  {text}" for text in (*one.fit.unseen, *one.verdict.notes)]
+        lines.append("")
+    if len(report.laws) > 1:
+        lines += [f"  {one.fit.label:14s} AICc +{one.aicc:.4g}, BIC {one.bic:+.4g}" for one in report.comparison.ranked]
+    lines.append(report.verdict)
+    if report.apart:
+        lines += ["", *report.apart.sentences]
+    return "\n".join(lines)
+
+
+def material_toml(one: Fitted, report: Report) -> str:
+    """A material file for ``--material``, which says what it rests on."""
+    import tomli_w
+
+    fit = one.fit
+    intervals = {p.name: [float(end) for end in one.interval(p.name)] for p in fit.free if not p.hidden}
+    hidden = {p.name for p in fit.parameters if p.hidden}
+    about: dict[str, Any] = {
+        "range": report.ranges,
+        "how": report.how,
+        "sound": one.sound,
+        "values": {name: float(value) for name, value in fit.values.items() if name not in hidden},
+        "intervals_95": intervals,
+        "warnings": [*one.warnings],
+        "corrections": [*one.judgement.notes],
+        "unseen": [*fit.unseen],
+        "stability": [*one.verdict.notes],
+    }
+    if report.apart:
+        about["apart"] = report.apart.sentences
+    return tomli_w.dumps({"material": material_table.to_table(one.material), "fit": about})
+
+
+def as_json(report: Report) -> str:
+    """Every number of the report, in Pa and pure numbers."""
+    return json.dumps(
+        {
+            "range": report.ranges,
+            "how": report.how,
+            "chosen": report.chosen.choice.name,
+            "preferred": report.comparison.preferred.label,
+            "verdict": report.verdict,
+            "apart": report.apart.sentences if report.apart else [],
+            "laws": [_law_json(one, report) for one in report.laws],
+        },
+        indent=1,
+    )
+
+
+def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
+    fit = one.fit
+    shown = [i for i, p in enumerate(fit.free) if not p.hidden]
+    ranked = next(r for r in report.comparison.ranked if r.fit is fit)
+    return {
+        "law": one.choice.name,
+        "material": material_table.to_table(one.material),
+        "parameters": [
+            {
+                "name": p.name, "unit": p.unit, "value": fit.values[p.name], "fixed": p.fixed,
+                "standard_error": _finite(fit.error(p.name)),
+                "interval_95": [_finite(end) for end in one.interval(p.name)],
+                "start": p.start, "bounds": [_finite(p.lower), _finite(p.upper)],
+                "prior": dataclasses.asdict(p.prior) if p.prior else None,
+            }
+            for p in fit.parameters if not p.hidden
+        ],
+        "hidden": [
+            {
+                "name": p.words, "unit": p.unit, "value": fit.values[p.name],
+                "standard_error": _finite(fit.error(p.name)),
+            }
+            for p in fit.parameters if p.hidden
+        ],
+        "free": [fit.free[i].name for i in shown],
+        "covariance": [[_finite(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
+        "correlations": [[_finite(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
+        "singular_values": fit.singular_values[0].tolist(),
+        "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
+        "profiles": {
+            name: {"values": p.values.tolist(), "rises": [*map(_finite, p.rises)], "limit": p.limit}
+            for name, p in one.profiles.items()
+        },
+        "deviance": fit.deviance, "scatter": fit.scatter, "independent": fit.independent, "loss": fit.loss,
+        "errors": fit.errors, "evaluations": fit.evaluations, "aicc": fit.aicc, "bic": fit.bic,
+        "aicc_behind": ranked.aicc, "bic_behind": ranked.bic, "misfit_ratio": ranked.ratio,
+        "sound": one.sound, "objections": list(one.objections), "corrections": list(one.judgement.notes),
+        "converged": fit.converged, "warnings": list(one.warnings), "unseen": list(fit.unseen),
+        "stability": list(one.verdict.notes),
+    }  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no infinity."""
+    return float(value) if math.isfinite(value) else None
+
+
+def write_curves(path: Path, laws: Sequence[Fitted], curves: Sequence[TensileCurve]) -> None:
+    """Measured and fitted nominal stresses in Pa, one row per point."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["curve", "test", "stretch", "measured_Pa", *(f"{one.choice.name}_Pa" for one in laws)])
+        for curve in curves:
+            fitted = np.column_stack([respond(one.material, curve.stretch, curve.mode).stress for one in laws])
+            for stretch, measured, row in zip(curve.stretch, curve.stress, fitted, strict=True):
+                rows.writerow([curve.name, curve.mode, f"{stretch:.9g}", f"{measured:.9g}", *(f"{v:.9g}" for v in row)])

@@ -1,0 +1,1 @@
+"""Laws of silicones: energies, test specimens, stability, and the library of named products."""

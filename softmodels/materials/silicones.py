@@ -1,0 +1,216 @@
+"""Named silicones: a law, the stretches it was fitted over, and whose measurement it is; several sources for one product.
+
+A modulus without its fit range means nothing: the neo-Hookean modulus of one and the same Ecoflex 00-30 specimen is 15 kPa
+up to stretch 1.5 and 58 kPa over its whole curve. Batches, rates and laboratories differ too: the sources of one product lie
+a factor of two and more apart. Use these to begin with, at both ends of their spread, and your own fit to conclude.
+
+Parameters of measured curves are least-squares fits made here, and say so; what was published as numbers is given as it was.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from softmodels.materials.laws import Material, Ogden, Yeoh
+
+PSI = 6894.757293168
+"""Pa."""
+RUBBER = 0.5
+"""Poisson's ratio: rubber's bulk modulus is some 1e5 times its shear modulus, and the fits take it for incompressible."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Origin:
+    """Whose measurement it is.
+
+    Attributes:
+        key: Short name of the source, such as ``"marechal-2021"``.
+        text: Publication.
+        laboratory: Where it was measured.
+        test: Kind of test with its rate, as far as published.
+        history: Batch, conditioning and cycle, as far as published.
+        made: How the numbers came about.
+    """
+
+    key: str
+    text: str
+    laboratory: str
+    test: str
+    history: str
+    made: str
+
+
+MARECHAL = Origin(
+    "marechal-2021",
+    "uniaxial data of Marechal et al. 2021, Soft Robotics 8(3):284, doi 10.1089/soro.2019.0115",
+    "SYMME, Universite Savoie Mont Blanc, Annecy",
+    "uniaxial tension (ASTM D412), crosshead 450 mm/min (WagnerSil 500) on 33 mm",
+    "first loading, one specimen pulled to failure; batch not published",
+    "Yeoh law fitted here to the measured curve",
+)
+LIAO = Origin(
+    "liao-2021",
+    "uniaxial first cycle of Liao, Yang & Hossain 2021, Int. J. Mech. Sci. 206:106624, doi 10.1016/j.ijmecsci.2021.106624",
+    "Swansea University",
+    "uniaxial tension; digitised from a figure",
+    "first cycle; batch not published",
+    "Yeoh law fitted here to 12 digitised points",
+)
+SPARKS = Origin(
+    "sparks-2015",
+    "Sparks et al. 2015, Advances in Skin & Wound Care 28(2):59-68, table 2",
+    "see the publication",
+    "unconfined compression to 25 %, 1 %/s",
+    "batch and conditioning not known here",
+    "Ogden law of one term as published (convention 2mu/alpha^2)",
+)
+SMOOTH_ON = Origin(
+    "smooth-on",
+    "manufacturer's technical bulletin (Smooth-On), 100 % modulus",
+    "Smooth-On, Macungie, Pennsylvania",
+    "uniaxial tension (ASTM D412), one reading at 100 % strain",
+    "rounded typical value; batch, rate and conditioning not published",
+    "neo-Hookean law (Yeoh with c2 = c3 = 0) through that reading, made here",
+)
+SOROTOKI = Origin(
+    "sorotoki",
+    "material sample of Caasenbrood's Sorotoki (GitHub, BJCaasenbrood/SorotokiCode)",
+    "not stated",
+    "not stated",
+    "not stated",
+    "Yeoh law as given there; range and measurement not stated",
+)
+JOHNSTON = Origin(
+    "johnston-2014",
+    "Johnston et al. 2014, J. Micromech. Microeng. 24:035017, doi 10.1088/0960-1317/24/3/035017",
+    "see the publication",
+    "tension to ASTM standards, to 40 % strain",
+    "Young's modulus 1.32 to 2.97 MPa as the cure rises from 25 to 200 C",
+    "neo-Hookean law (Yeoh with c2 = c3 = 0) of that Young's modulus",
+)
+PNEUNETS = Origin(
+    "pneunets",
+    "finite-element models of bellows bending actuators (Soft Robotics Toolkit, softroboticstoolkit.com): C1 0.11, C2 0.02 MPa",
+    "not stated",
+    "not stated",
+    "not stated",
+    "Yeoh law as published; range and measurement not stated",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Silicone:
+    """A material with its origin.
+
+    Attributes:
+        material: The law.
+        stretches: Range of uniaxial stretch that the law was fitted over; None if that was not published.
+        origin: Whose measurement it is.
+        elongation_at_break: Engineering strain at the last point of the same specimen's pull to failure; None if the
+            measurement ended before. One specimen's: others of the same product differ by a tenth or more.
+    """
+
+    material: Material
+    stretches: tuple[float, float] | None
+    origin: Origin
+    elongation_at_break: float | None = None
+
+    @property
+    def source(self) -> str:
+        """The publication."""
+        return self.origin.text
+
+    @property
+    def pulled(self) -> bool:
+        """Whether the law says anything of tension."""
+        return self.stretches is None or self.stretches[1] > 1.0
+
+
+def _marechal(c1: float, c2: float, elongation: float, top: float = 3.0, c3: float = 0.0) -> Silicone:
+    """Least squares on the nominal stress (Pa), c2 and c3 not below zero so that the law stays stable."""
+    return Silicone(Yeoh(c1, c2, c3, RUBBER), (1.02, top), MARECHAL, elongation)
+
+
+def _data_sheet(psi: float) -> Silicone:
+    """From the nominal stress at stretch 2: S = 2 c1 (2 - 1/4)."""
+    return Silicone(Yeoh(round(psi * PSI / 3.5, 1), 0.0, 0.0, RUBBER), (1.0, 2.0), SMOOTH_ON)
+
+
+def _compressed(modulus: float, alpha: float) -> Silicone:
+    return Silicone(Ogden.from_two_mu((modulus,), (alpha,), RUBBER), (0.75, 1.0), SPARKS)
+
+
+def _sorotoki(c1: float, c2: float) -> Silicone:
+    return Silicone(Yeoh(c1, c2, 0.0, RUBBER), None, SOROTOKI)
+
+
+def _johnston(young: float, cure: str) -> Silicone:
+    origin = dataclasses.replace(JOHNSTON, key=f"johnston-2014-{cure}", history=f"cured at {cure.upper()[:-1]} C")
+    return Silicone(Yeoh(young / 6, 0.0, 0.0, RUBBER), (1.0, 1.4), origin)
+
+
+PRODUCTS: dict[str, tuple[Silicone, ...]] = {
+    "ecoflex-00-10": (_marechal(3670.0, 126.0, 17.09), _compressed(12605.0, 4.32), _data_sheet(8.0)),
+    "ecoflex-00-30": (
+        _marechal(7859.0, 94.3, 16.07),
+        Silicone(Yeoh(13892.0, 61.2, 29.5, RUBBER), (1.0, 3.01), LIAO),
+        _compressed(22081.0, 0.825),
+        _sorotoki(8400.0, 100.0),
+        _data_sheet(10.0),
+    ),
+    "ecoflex-00-35-fast": (_marechal(13590.0, 515.0, 6.23),),
+    "ecoflex-00-50": (_marechal(10740.0, 231.0, 16.41), _sorotoki(14500.0, 100.0), _data_sheet(12.0)),
+    "dragon-skin-10-medium": (_marechal(21850.0, 2753.0, 10.41, 2.0), _data_sheet(22.0)),
+    "dragon-skin-20": (_marechal(61170.0, 7956.0, 9.20, 2.0), _data_sheet(49.0)),
+    "dragon-skin-30": (_marechal(90410.0, 9082.0, 7.09, 2.0), _data_sheet(86.0)),
+    "dragon-skin-fx-pro": (_marechal(15280.0, 598.0, 16.48),),
+    "dragon-skin-fx-pro-slacker": (_marechal(1333.4, 8.4, 18.18),),
+    "mold-star-16-fast": (_marechal(41210.0, 2988.0, 8.18, 2.0),),
+    "mold-star-20t": (_marechal(54390.0, 3501.0, 8.14, 2.0),),
+    "platsil-gel-10": (_marechal(27100.0, 3802.0, 10.59, 2.0),),
+    "rtv615": (_marechal(163200.0, 13860.0, 1.93, 2.9, 939.0),),
+    "sortaclear-40": (_marechal(139700.0, 5450.0, 5.07),),
+    "body-double-silk": (_marechal(59495.0, 3292.0, 5.89, 2.0),),
+    "psycho-paint": (_marechal(59129.0, 3230.6, 6.93, 2.0),),
+    "rebound-25": (_marechal(48694.0, 4434.5, 6.27, 2.0),),
+    "soloplast-150318": (_marechal(33279.0, 2054.3, 7.39, 2.0),),
+    "wagnersil-20-nf": (_marechal(55737.0, 9028.0, 3.27, 2.0),),
+    "elastosil-m4601": (Silicone(Yeoh(110e3, 20e3, 0.0, RUBBER), None, PNEUNETS),),
+    "sylgard-184": (_johnston(1.32e6, "25c"), _johnston(2.97e6, "200c")),
+}
+"""Every source of every product, the one that the product's bare name means first. The strain of Marechal's curves is the
+crosshead's: the first few percent are less sure."""
+
+SILICONES: dict[str, Silicone] = {
+    product if i == 0 else f"{product}/{one.origin.key}": one
+    for product, many in PRODUCTS.items()
+    for i, one in enumerate(many)
+}
+"""By name: the product alone for its first source, ``product/source`` for the others."""
+
+OTHER_NAMES = {
+    "ecoflex-00-30-liao": "ecoflex-00-30/liao-2021",
+    **{f"{product}/{many[0].origin.key}": product for product, many in PRODUCTS.items()},
+}
+"""Names that mean one of `SILICONES`."""
+
+
+def silicone_called(name: str) -> Silicone | None:
+    """The silicone of a name; None if there is none."""
+    return SILICONES.get(OTHER_NAMES.get(name, name))
+
+
+def named(material: Material) -> str | None:
+    """Name of the silicone that a material is, its Poisson's ratio left free; None if it is none of them."""
+    for name, silicone in SILICONES.items():
+        known = silicone.material
+        if type(known) is type(material) and dataclasses.replace(known, poisson=material.poisson) == material:  # type: ignore[call-arg]
+            return name
+    return None
+
+
+def stretch_at_break(material: Material) -> float | None:
+    """Uniaxial stretch at which the silicone that a material is broke; None if that is not known."""
+    name = named(material)
+    elongation = SILICONES[name].elongation_at_break if name else None
+    return None if elongation is None else 1.0 + elongation

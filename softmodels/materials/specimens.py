@@ -1,0 +1,208 @@
+"""Test specimens: nominal stress under homogeneous stretch, and its exact slopes by the stretch and by every parameter.
+
+The energy is differentiated by the stretch in forward mode (`Dual`) and by a parameter with a complex step through that, so
+no quotient of differences is taken anywhere, and a new law is covered as soon as it has an energy. Compressible specimens
+find their free sides from the condition that these carry no stress; the slopes follow it by the implicit function theorem.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.materials.dual import Dual, DualStrain
+from softmodels.materials.homogeneous import MODES
+from softmodels.materials.laws import Material
+
+Array = npt.NDArray[np.float64]
+_STEP = 1e-30  # so small that its square vanishes beside 1: the difference quotient has no error of its own
+
+MODE_NAMES = tuple(MODES)
+_NEWTON = 60
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Response:
+    """Stress of a specimen and its slopes; nan beyond what the law allows.
+
+    Attributes:
+        stress: Nominal stress in Pa of a pulled side, shape (n,).
+        slopes: Its slopes by the parameters asked for, in Pa per their unit, shape (n, m).
+        side: Stretch of a free side, shape (n,).
+        by_stretch: Computes `tangent`.
+    """
+
+    stress: Array
+    slopes: Array
+    side: Array
+    by_stretch: Callable[[], Array]
+
+    @functools.cached_property
+    def tangent(self) -> Array:
+        """The stress' slope by the stretch in Pa, shape (n,); a fit never asks for it, so it is computed when asked for."""
+        with np.errstate(all="ignore"):
+            return self.by_stretch()
+
+
+def parameter_names(material: Material) -> tuple[str, ...]:
+    """Names of a material's numbers but for Poisson's ratio: its fields, tuples counted through (``mu1``, ``alpha1``...)."""
+    names: list[str] = []
+    for field in dataclasses.fields(material):
+        value = getattr(material, field.name)
+        if field.name != "poisson":
+            names += [f"{field.name}{i + 1}" for i in range(len(value))] if isinstance(value, tuple) else [field.name]
+    return tuple(names)
+
+
+def respond(material: Material, stretch: Any, mode: str = "uniaxial", parameters: Sequence[str] = ()) -> Response:
+    """Pull a specimen.
+
+    Args:
+        material: The law; at ``poisson = 0.5`` the specimen is incompressible.
+        stretch: Imposed stretch, shape (n,).
+        mode: One of `MODE_NAMES`.
+        parameters: Names (see `parameter_names`, or ``poisson``) to differentiate by.
+    """
+    if mode not in MODES:
+        raise ValueError(f"mode {mode!r} is not one of {', '.join(MODES)}")
+    stretch = np.asarray(stretch, dtype=float)
+    with np.errstate(all="ignore"):  # beyond a law's last stretch the numbers are nan, as they should be
+        if math.isinf(material.bulk):
+            return _incompressible(material, stretch, mode, parameters)
+        return _compressible(material, stretch, mode, parameters)
+
+
+def nudged(material: Material, name: str, by: complex) -> Any:
+    """A copy with one number moved, perhaps into the complex plane, unchecked: only its energy may be asked for."""
+    copy = object.__new__(type(material))
+    for field in dataclasses.fields(material):
+        value = getattr(material, field.name)
+        if isinstance(value, tuple):
+            value = tuple(v + by if name == f"{field.name}{i + 1}" else v for i, v in enumerate(value))
+        elif name == field.name:
+            value = value + by
+        object.__setattr__(copy, field.name, value)
+    return copy
+
+
+def _incompressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
+    powers, sides = MODES[mode]
+
+    def slope(law: Any, at: Any) -> Any:
+        x = Dual(at, np.ones_like(at))
+        energy = law.shape(DualStrain((x ** powers[0], x ** powers[1], x ** powers[2])), law)
+        return energy.slope / sides, energy.value
+
+    stress, energy = slope(material, stretch)
+    stress = np.where(np.isfinite(energy), stress, np.nan)
+    dead = np.where(np.isfinite(stress), 0.0, np.nan)  # a logarithm of a negative number is nan in reals only
+
+    def by_stretch() -> Array:
+        return np.asarray(np.imag(slope(material, stretch + 1j * _STEP)[0]) / _STEP + dead)
+
+    # The stretch stays real: only what the nudged number enters is complex then, and complex powers take most of a fit's time.
+    columns = [np.imag(slope(nudged(material, name, 1j * _STEP), stretch)[0]) / _STEP + dead for name in parameters]
+    return Response(stress, _columns(columns, stretch), stretch ** powers[2], by_stretch)
+
+
+def _compressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
+    pulled = MODES[mode][1]
+
+    def slopes(law: Any, a: Any, s: Any) -> tuple[Any, Any]:
+        """dW/da and dW/ds of the pulled and the free sides."""
+        found = []
+        for along_a in (1.0, 0.0):
+            x, y = Dual(a, along_a * np.ones_like(a)), Dual(s, (1.0 - along_a) * np.ones_like(s))
+            strain = DualStrain({"uniaxial": (x, y, y), "planar": (x, 1.0, y), "equibiaxial": (x, x, y)}[mode])
+            energy = law.shape(strain, law) + law.bulk / 2 * (strain.J - 1) ** 2
+            found.append(np.where(np.isfinite(energy.value), energy.slope, np.nan))
+        return found[0], found[1]
+
+    side = _free_side(material, slopes, stretch, mode)
+    stress = slopes(material, stretch, side)[0] / pulled
+    dead = np.where(np.isfinite(stress), 0.0, np.nan)
+    a, s = stretch.astype(complex), side.astype(complex)
+    by_side = slopes(material, a, s + 1j * _STEP)
+
+    def follow(moved: tuple[Any, Any]) -> Array:
+        """The whole slope: along with what is moved, the side moves so that it stays free of stress."""
+        drift = -np.imag(moved[1]) / np.imag(by_side[1])
+        total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / pulled + dead
+        return total
+
+    columns = [follow(slopes(nudged(material, name, 1j * _STEP), a, s)) for name in parameters]
+    return Response(stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _STEP, s)))
+
+
+def _free_side(material: Material, slopes: Any, stretch: Array, mode: str) -> Array:
+    """The stretch of the free sides at which dW/ds vanishes: Newton from the incompressible side, safeguarded.
+
+    The energy rises on both sides of the root, so that signs of the slope bracket it and a step outside is halved back in.
+    """
+    nu = material.poisson
+    exact = stretch ** MODES[mode][0][2]  # what it would be at nu = 0.5
+    side = exact ** (2 * nu if mode == "uniaxial" else nu / (1 - nu))  # Hooke's law in logarithms
+    low, high = np.minimum(np.minimum(exact, 1.0), side) / 2, np.maximum(np.maximum(exact, 1.0), side) * 2
+    for _ in range(_NEWTON):
+        here = slopes(material, stretch, side)[1]
+        low, high = np.where(here < 0.0, side, low), np.where(here > 0.0, side, high)
+        rise = np.imag(slopes(material, stretch.astype(complex), side + 1j * _STEP)[1]) / _STEP
+        step = side - here / rise
+        step = np.where((step > low) & (step < high) & (rise > 0.0), step, np.sqrt(low * high))
+        moved = np.abs(step - side) > 4e-16 * side
+        side = np.where(np.isfinite(here), step, side)
+        if not (moved & np.isfinite(here)).any():
+            break
+    return side
+
+
+def _columns(columns: list[Any], stretch: Array) -> Array:
+    return np.stack(columns, axis=-1) if columns else np.empty((*stretch.shape, 0))
+
+
+def log_strain_stiffness(material: Material, stretch: Any, mode: str) -> tuple[Array, Array]:
+    """Hessian of the incompressible energy in the logarithms of two principal stretches, the third following.
+
+    It relates increments of Kirchhoff stress in a sheet to increments of logarithmic strain: Drucker's stability wants it
+    positive definite.
+
+    Args:
+        material: The law.
+        stretch: Stretch along a mode, shape (n,).
+        mode: One of `MODE_NAMES`.
+
+    Returns:
+        The Hessian in Pa, shape (n, 2, 2), and I1 - 3 of the state, shape (n,).
+    """
+    stretch = np.asarray(stretch, dtype=float)
+    e1, e2 = (np.log(stretch) * power for power in MODES[mode][0][:2])
+    one, none = np.ones_like(stretch), np.zeros_like(stretch)
+
+    def gradient(a: Any, b: Any) -> tuple[Any, Any]:
+        found = []
+        for da, db in ((one, none), (none, one)):
+            l1, l2 = (Dual(np.exp(e), np.exp(e) * d) for e, d in ((a, da), (b, db)))
+            energy = material.shape(DualStrain((l1, l2, (l1 * l2) ** -1.0)), material)
+            found.append(np.where(np.isfinite(energy.value), energy.slope, np.nan))
+        return found[0], found[1]
+
+    with np.errstate(all="ignore"):
+        dead = np.where(np.isfinite(gradient(e1, e2)[0]), 0.0, np.nan)
+        first = gradient(e1 + 1j * _STEP, e2 + 0j)
+        second = gradient(e1 + 0j, e2 + 1j * _STEP)
+        rows = [[np.imag(first[0]), np.imag(second[0])], [np.imag(first[1]), np.imag(second[1])]]
+        H = np.moveaxis(np.array(rows), (0, 1), (-2, -1)) / _STEP + dead[..., None, None]
+        k = np.exp(2 * e1) + np.exp(2 * e2) + np.exp(-2 * (e1 + e2)) - 3
+    return H, k
+
+
+def strain_of(mode: str, stretch: Any) -> Array:
+    """I1 - 3 of an incompressible specimen, shape of ``stretch``."""
+    powers = MODES[mode][0]
+    return np.asarray(sum(stretch ** (2 * power) for power in powers) - 3)

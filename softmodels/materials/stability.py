@@ -1,0 +1,183 @@
+"""Where a law stops being a material: Drucker's stability, taut chains, and the balloon's limit point.
+
+Drucker: in a sheet, an increment of logarithmic strain must raise the Kirchhoff stress along it. A fit that leaves this
+within its range will turn a simulation back or tear it, whatever its residuals.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.materials.homogeneous import balloon_limit
+from softmodels.materials.laws import Gent, Material, MaterialError
+from softmodels.materials.specimens import MODE_NAMES, log_strain_stiffness
+
+Array = npt.NDArray[np.float64]
+
+FURTHEST = 10.0
+"""Stretch, and its inverse, to which a law is looked at."""
+POINTS = 600
+REST = 0.01
+"""Stretch beside 1 within which a law that loses its stability has never had any."""
+_WORDS = {"uniaxial": "uniaxial", "planar": "planar", "equibiaxial": "equibiaxial"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Instability:
+    """The first state along a mode, from rest, at which a law is not stable.
+
+    Attributes:
+        mode: Of `softmodels.materials.specimens.MODE_NAMES`.
+        stretch: Below 1 in compression.
+        strain: I1 - 3 of that state.
+    """
+
+    mode: str
+    stretch: float
+    strain: float
+
+    def __str__(self) -> str:
+        way = "tension" if self.stretch > 1 else "compression"
+        return f"{_WORDS[self.mode]} {way} at stretch {self.stretch:.3g}"
+
+
+def instabilities(material: Material, furthest: float = FURTHEST) -> tuple[Instability, ...]:
+    """First states along every mode, pulled and pressed, that Drucker's criterion refuses, the mildest first.
+
+    Args:
+        material: Taken as incompressible.
+        furthest: Largest stretch looked at; 1/furthest is the smallest.
+    """
+    found = []
+    for mode in MODE_NAMES:
+        for way in (1.0, -1.0):
+            first = _first(
+                material, mode, np.exp(way * np.linspace(min(1e-3, math.log(furthest) / 2), math.log(furthest), POINTS))
+            )
+            if first:
+                found.append(first)
+    return tuple(sorted(found, key=lambda one: one.strain))
+
+
+def weakest(material: Material) -> Instability | None:
+    """The instability that the least stretch leads to, in tension along any mode; None up to `FURTHEST`."""
+    return min((one for one in instabilities(material) if one.stretch > 1), key=lambda one: one.stretch, default=None)
+
+
+def weakness(material: Material) -> str:
+    """Where a law stops being stable when pulled, as a clause that names it; empty if it does not up to `FURTHEST`."""
+    found = {one.mode: one.stretch for one in instabilities(material) if one.stretch > 1}
+    if not found:
+        return ""
+    places = ", ".join(f"{found[mode]:.3g} ({_WORDS[mode]})" for mode in MODE_NAMES if mode in found)
+    return f"the law {described(material)} loses its stability (Drucker's check) in tension at stretch {places}"
+
+
+def described(material: Material) -> str:
+    """A law with its parameters: ``yeoh (c1 = 10 kPa, c2 = -0.1 kPa)``."""
+    parts = []
+    for field in dataclasses.fields(material):
+        if field.name == "poisson":
+            continue
+        value = getattr(material, field.name)
+        several = isinstance(value, tuple)
+        for i, number in enumerate(value if several else (value,), 1):
+            name = f"{field.name}{i}" if several else field.name
+            unit = field.metadata["unit"]
+            parts.append(f"{name} = {number / 1e3:.4g} kPa" if unit == "Pa" else f"{name} = {number:.4g}")
+    return f"{material.name} ({', '.join(parts)})"
+
+
+def check_rest(material: Material) -> None:
+    """Refuse a law that is unstable as soon as it is stretched.
+
+    Raises:
+        MaterialError: It is not stable (Drucker) within `REST` of its state of rest.
+    """
+    if weak := instabilities(material, furthest=1 + REST):
+        raise MaterialError(
+            f"the law {described(material)} is unstable already at rest (Drucker's check: {weak[0]}); check the signs and the "
+            "units of its parameters, or fit another law"
+        )
+
+
+def _first(material: Material, mode: str, stretches: Array) -> Instability | None:
+    H, k = log_strain_stiffness(material, stretches, mode)
+    alive = np.isfinite(H).all(axis=(1, 2))  # beyond taut chains there is no state at all: `last_stretch`
+    least = np.full(len(k), np.inf)
+    least[alive] = np.linalg.eigvalsh(H[alive])[:, 0]
+    bad = np.flatnonzero(least <= 0.0)
+    if not len(bad):
+        return None
+    i = int(bad[0])
+    if i == 0:
+        return Instability(mode, float(stretches[0]), float(k[0]))
+    share = least[i - 1] / (least[i - 1] - least[i])
+    stretch = float(stretches[i - 1] + share * (stretches[i] - stretches[i - 1]))
+    return Instability(mode, stretch, float(log_strain_stiffness(material, np.array([stretch]), mode)[1][0]))
+
+
+def last_stretch(material: Material, mode: str) -> float:
+    """Stretch at which Gent's chains are taut, in a mode; infinite for other laws."""
+    if not isinstance(material, Gent):
+        return math.inf
+    from scipy.optimize import brentq
+
+    def left(stretch: float) -> float:
+        power = {
+            "uniaxial": (2.0, -1.0, 1.0, 2.0),
+            "planar": (2.0, -2.0, 1.0, 1.0),
+            "equibiaxial": (2.0, -4.0, 2.0, 1.0),
+        }
+        a, b, many, others = power[mode]
+        return many * stretch**a + others * stretch**b + (mode == "planar") - 3 - material.limit
+
+    return float(brentq(left, 1.0, 2 + 2 * math.sqrt(material.limit + 3)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """What a law does within and beyond a range of deformation.
+
+    Attributes:
+        flags: Sentences that forbid its use within the range.
+        notes: Sentences on what lies beyond.
+    """
+
+    flags: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def judge(material: Material, strain: float) -> Verdict:
+    """Hold a law against the largest I1 - 3 it was fitted to (or is shown over).
+
+    Args:
+        material: The law.
+        strain: Largest I1 - 3.
+    """
+    flags, notes = [], []
+    weak = instabilities(material)
+    inside = [one for one in weak if one.strain <= strain]
+    if inside:
+        where = "; ".join(map(str, inside))
+        flags.append(f"the law is not stable (Drucker) within this range: {where}")
+    elif weak:
+        notes.append(f"stable (Drucker) within this range; beyond it not in {weak[0]}")
+    else:
+        notes.append(f"stable (Drucker) in every mode from stretch {1 / FURTHEST:g} to {FURTHEST:g}")
+    if isinstance(material, Gent):
+        ends = ", ".join(f"{mode} {last_stretch(material, mode):.3g}" for mode in MODE_NAMES)
+        notes.append(f"the chains are taut at stretch: {ends}; nothing deforms further")
+    try:
+        limit = balloon_limit(material, 1.0)
+    except ValueError:
+        limit = None
+    if limit:
+        notes.append(f"a thin balloon has its limit point at stretch {limit[0]:.4g}")
+    else:
+        notes.append("a thin balloon has no limit point up to stretch 10")
+    return Verdict(tuple(flags), tuple(notes))

@@ -1,0 +1,1 @@
+"""A body, its one potential, and the solver of its equilibrium."""

@@ -1,0 +1,262 @@
+"""A meshed actuator as the mechanics sees it: dimensionless coordinates, roles, slip planes, volume.
+
+Lengths inside are multiples of the actuator's ``size`` so that tolerances are pure numbers.
+
+Slip on cut planes that are not aligned with the axes is exact: the unknown is not u but w = B u, with the planes' normals as
+the first rows of the constant matrix B. Then w_i = 0 on plane i is an ordinary condition on a component, and
+grad u = B^-1 grad w.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from geometries.actuator import Vector
+from geometries.mesh_files import load_mesh
+from geometries.meshing import private_model
+from softmodels.mechanics.mpi import is_root, on_root
+
+QUADRATURE_DEGREE = 2
+"""Exact for the products of linear gradients, which is what second-order elements need for their full rate."""
+
+SURFACE_DEGREE = 4
+CAVITY, SHEET = 1, 2
+"""Tags of the cavity's and a sheet's facets in the forms: the same for every mesh, or they would be compiled again."""
+
+
+class BodyError(RuntimeError):
+    """An actuator or mesh the mechanics cannot take; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Body:
+    """Mesh and roles of an actuator on a communicator.
+
+    Attributes:
+        actuator: The geometry.
+        mesh: DOLFINx mesh in units of ``actuator.size``; 3-D, or the (r, z) half section of an axisymmetric device.
+        cavity: Facet tags on the cavities' walls: `CAVITY` on the first one's, numbers after `SHEET` on others'.
+        entities: Local mesh entities by role: name to (dimension, indices).
+        skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
+    """
+
+    actuator: Actuator
+    mesh: Any
+    cavity: Any
+    entities: dict[str, tuple[int, npt.NDArray[np.int32]]]
+    skew: npt.NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        # Made with the body: a form's constants count in the order they were made, and another order is another form.
+        self._constant_inverse()
+
+    @classmethod
+    def from_file(cls, actuator: Actuator, path: Path, comm: Any) -> Body:
+        """Read the Gmsh file that ``actuator.write`` made (rank 0 reads, all receive).
+
+        Raises:
+            FileNotFoundError: No such file.
+            MeshFileError: Not a mesh as ``actuator.write`` makes them.
+            BodyError: A mesh of another device.
+        """
+        import gmsh
+        from dolfinx import mesh as meshes
+        from dolfinx.io import gmsh as gmshio
+
+        with private_model() if is_root(comm) else contextlib.nullcontext():
+            # What is wrong with a file is an error on all ranks, not a hang.
+            on_root(comm, lambda: load_mesh(path, actuator.dimension))
+            data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
+        data.mesh.geometry.x[:] /= actuator.size
+        tdim = data.mesh.topology.dim
+        by_dimension = {tdim - 1: data.facet_tags, tdim - 2: data.ridge_tags, tdim - 3: data.peak_tags}
+        entities = {}
+        for name, group in data.physical_groups.items():
+            if group.dim == tdim:
+                continue
+            found = by_dimension[group.dim]
+            entities[name] = (group.dim, found.find(group.tag))
+        if "cavity" not in entities:
+            raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named 'cavity' to put a pressure on")
+        names = ["cavity", *(f"cavity{i + 1}" for i in range(1, len(actuator.ratios)))]
+        if missing := [name for name in names if name not in entities]:
+            raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r}")
+        walls = [entities[name][1] for name in names]
+        tags = np.repeat(_cavity_tags(len(names)), [len(wall) for wall in walls])
+        facets = np.concatenate(walls)
+        order = np.argsort(facets)
+        cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
+        return cls(actuator, data.mesh, cavity, entities, _skew(actuator))
+
+    @property
+    def axisymmetric(self) -> bool:
+        return self.actuator.dimension == 2
+
+    @property
+    def skew_inverse(self) -> npt.NDArray[np.float64]:
+        return np.linalg.inv(self.skew)
+
+    def measures(self) -> tuple[Any, Any]:
+        """UFL measures over the reference body and its (first) cavity's wall, for the slice in 3-D, for the device in 2-D."""
+        import ufl
+
+        dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+        return dx, self._on_facets(self.cavity)(CAVITY)
+
+    def sheet_face(self, role: str) -> tuple[Any, Any]:
+        """UFL measure over the facets of a role, and their undeformed normal with three components.
+
+        Raises:
+            BodyError: The mesh has no facets of this role.
+        """
+        import ufl
+
+        N = ufl.FacetNormal(self.mesh)
+        return self._on_facets(self._sheet_tags(role))(SHEET), ufl.as_vector(
+            [N[0], 0, N[1]]
+        ) if self.axisymmetric else N
+
+    def _on_facets(self, tags: Any) -> Any:
+        import ufl
+
+        return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
+
+    def _sheet_tags(self, role: str) -> Any:
+        """`SHEET` on the facets of a role."""
+        from dolfinx import mesh as meshes
+
+        tdim = self.mesh.topology.dim
+        dimension, facets = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
+        if dimension != tdim - 1:
+            faces = ", ".join(name for name, (found, _) in self.entities.items() if found == tdim - 1)
+            raise BodyError(f"the mesh has no face named {role!r}; it has {faces}")
+        facets = np.sort(facets)
+        return meshes.meshtags(self.mesh, tdim - 1, facets, np.full(len(facets), SHEET, dtype=np.int32))
+
+    @property
+    def hoop(self) -> Any:
+        """Factor of the measures: 2 pi R in an axisymmetric section, else 1."""
+        import ufl
+
+        return 2 * np.pi * ufl.SpatialCoordinate(self.mesh)[0] if self.axisymmetric else 1.0
+
+    def displacement(self, w: Any) -> Any:
+        """u of the skew components w; shape (d,)."""
+        import ufl
+
+        return ufl.dot(self._constant_inverse(), w)
+
+    def deformation_gradient(self, w: Any, at_axis: bool = False) -> Any:
+        """F as a 3 x 3 UFL tensor; in an axisymmetric section the order of directions is r, hoop, z.
+
+        ``at_axis`` allows evaluation at R = 0, where u_r/R is the slope of u_r; integration points never lie there.
+        """
+        import ufl
+
+        gradient = ufl.dot(self._constant_inverse(), ufl.grad(w))
+        if not self.axisymmetric:
+            return ufl.Identity(3) + gradient
+        radius = ufl.SpatialCoordinate(self.mesh)[0]
+        hoop = 1 + self.displacement(w)[0] / radius
+        if at_axis:
+            hoop = ufl.conditional(ufl.gt(radius, 1e-9), hoop, 1 + gradient[0, 0])
+        return ufl.as_tensor(
+            [
+                [1 + gradient[0, 0], 0, gradient[0, 1]],
+                [0, hoop, 0],
+                [gradient[1, 0], 0, 1 + gradient[1, 1]],
+            ]
+        )
+
+    def volume_integrand(self, w: Any) -> Any:
+        """Integrand over the cavity wall whose integral is the deformed cavity's volume (divergence theorem).
+
+        V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin.
+        """
+        import ufl
+
+        F = self.deformation_gradient(w)
+        X, N = ufl.SpatialCoordinate(self.mesh), ufl.FacetNormal(self.mesh)
+        x = X + self.displacement(w)
+        if self.axisymmetric:
+            x, N = ufl.as_vector([x[0], 0, x[1]]), ufl.as_vector([N[0], 0, N[1]])
+        return -ufl.dot(x, ufl.dot(ufl.cofac(F), N)) / 3 * self.hoop
+
+    def volumes(self, w: Any) -> list[Any]:
+        """UFL forms of the deformed cavities' volumes, one for each.
+
+        Args:
+            w: The skew components.
+        """
+        integrand, ds = self.volume_integrand(w), self._on_facets(self.cavity)
+        return [integrand * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
+
+    def _constant_inverse(self) -> Any:
+        from dolfinx import fem
+
+        # A Constant, not numbers in the form: another angle then compiles nothing.
+        if not hasattr(self, "_inverse"):
+            object.__setattr__(self, "_inverse", fem.Constant(self.mesh, self.skew_inverse))
+        return self._inverse  # type: ignore[attr-defined]
+
+    def held(self, space: Any) -> list[tuple[int, npt.NDArray[np.int32]]]:
+        """Components of w and the dofs at which they vanish, in the numbering of ``space`` (vector-valued)."""
+        from dolfinx import fem
+
+        topology = self.mesh.topology
+        conditions = []
+        for role, components in self._held_components():
+            if role not in self.entities:
+                raise BodyError(f"the mesh has no entities named {role!r}, which hold the body")
+            dimension, found = self.entities[role]
+            topology.create_connectivity(dimension, topology.dim)
+            for component in components:
+                dofs = fem.locate_dofs_topological(space.sub(component), dimension, found)
+                conditions.append((component, dofs))
+        return conditions
+
+    def _held_components(self) -> list[tuple[str, list[int]]]:
+        d = self.actuator.dimension
+        wanted: list[tuple[str, Vector | None]] = [(plane.name, plane.normal) for plane in self.actuator.cut_planes]
+        wanted += [(hold.role, hold.direction) for hold in self.actuator.holds]
+        result = []
+        for role, direction in wanted:
+            if direction is None:
+                result.append((role, list(range(d))))
+                continue
+            weights = in_section(direction, d) @ self.skew_inverse
+            largest = int(np.argmax(np.abs(weights)))
+            if np.abs(np.delete(weights, largest)).max() > 1e-12 * abs(weights[largest]):
+                raise BodyError(f"role {role!r} is held along {direction}, which mixes the directions of other roles")
+            result.append((role, [largest]))
+        return result
+
+
+def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
+    return np.array([CAVITY, *range(SHEET + 1, SHEET + count)], dtype=np.int32)
+
+
+def in_section(direction: Any, dimension: int) -> npt.NDArray[np.float64]:
+    """A direction of device coordinates in those of the mesh."""
+    d = np.asarray(direction, dtype=float)
+    return d if dimension == 3 else d[[0, 2]]
+
+
+def _skew(actuator: Actuator) -> npt.NDArray[np.float64]:
+    """B: unit directions of all holds, completed to a basis."""
+    d = actuator.dimension
+    wanted = [plane.normal for plane in actuator.cut_planes]
+    wanted += [hold.direction for hold in actuator.holds if hold.direction is not None]
+    rows: list[npt.NDArray[np.float64]] = []
+    for direction in [*(in_section(v, d) for v in wanted), *np.eye(d)[::-1]]:
+        candidate = [*rows, direction / np.linalg.norm(direction)]
+        if len(candidate) <= d and np.linalg.svd(np.array(candidate), compute_uv=False)[-1] > 1e-6:
+            rows = candidate
+    return np.array(rows)

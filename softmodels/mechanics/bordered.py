@@ -1,0 +1,166 @@
+"""Newton's linear system with the cavities' pressures as more unknowns, by one symmetric factorisation.
+
+        [ K      -q   -H ] [dw]   [ r ]   K: tangent of the body, symmetric, indefinite in the mixed form
+        [ a q^T   b    0 ] [dP] = [ c ]   q: dV/dw, the load of a unit pressure;  a, b: the control's line
+        [ H^T     0    0 ] [dm]   [ g ]   H: the same of each further cavity whose volume is held, by its pressure m
+
+K alone is factorised (LDL^T), whatever the control; the border is eliminated (Keller 1977; Chan 1984,
+doi 10.1137/0721019). The same factorisation serves as preconditioner of GMRES on the whole system for the Newton
+iterations that follow, and GMRES also returns the digits that elimination loses where K is nearly singular: at a limit
+point the whole system is regular although K is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.mechanics.callbacks import Shell
+from softmodels.mechanics.controls import Control
+from softmodels.mechanics.mpi import owns_scalars, scalars_from_owner
+
+OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
+"""MUMPS' INFOG(1) where it could not allocate, or where what it had allocated was too small (its guide, section 8)."""
+
+
+class Bordered:
+    """PETSc contexts for the bordered matrix and its preconditioner.
+
+    Vectors of the whole system hold the body's unknowns, then on the last rank the pressure and those of held volumes.
+
+    Args:
+        K: Tangent matrix (PETSc Mat, symmetric) to factorise; its values may change, its pattern may not.
+        product: ``product(x, y)`` puts the current tangent times x into y (local owned arrays). Where K was factorised at
+            an earlier state, this is what makes the solution that of the present one.
+        held: Number of held volumes.
+    """
+
+    def __init__(self, K: Any, product: Callable[[Any, Any], None], held: int = 0):
+        from petsc4py import PETSc
+
+        self.K, self.product, self.comm = K, product, K.comm.tompi4py()
+        self.n = K.getLocalSize()[0]
+        self.scalars = 1 + held
+        self.extra = self.scalars if owns_scalars(self.comm) else 0
+        self.columns = [K.createVecRight() for _ in range(self.scalars)]
+        self._lifted = [K.createVecRight() for _ in range(self.scalars)]
+        self._r, self._y = K.createVecRight(), K.createVecRight()
+        self.control = Control(0.0, 1.0, 0.0)
+        self.row: Any = None  # a force that takes q's place in the control's equation, where that is not of the volume
+        self.compliances = np.zeros((self.scalars, self.scalars))
+        self.factorisations = 0
+        self._direct = PETSc.PC().create(K.comm)
+        self._direct.setOptionsPrefix("body_")
+        self._direct.setOperators(K, K)
+        self._direct.setType("cholesky")
+        self._direct.setFactorSolverType("mumps")
+        self._direct.setFactorSetUpSolverType()
+        self._direct.getFactorMatrix().setMumpsIcntl(
+            13, 1
+        )  # the last front too counts its negative pivots, on all ranks
+        self._direct.setFromOptions()
+        self.shell = Shell(self.mult, self.apply)
+        size = (self.n + self.extra, PETSc.DETERMINE)
+        self.mat = PETSc.Mat().createPython((size, size), context=self.shell, comm=K.comm)
+        self.mat.setUp()
+
+    @property
+    def q(self) -> Any:
+        """The load of a unit pressure."""
+        return self.columns[0]
+
+    @property
+    def held(self) -> list[Any]:
+        """The loads of unit pressures in the cavities whose volumes are held."""
+        return self.columns[1:]
+
+    def release(self) -> None:
+        """Destroy what PETSc holds; see `Equilibrium.release`."""
+        for thing in (self._direct, self.mat, *self.columns, *self._lifted, self._r, self._y):
+            thing.destroy()
+
+    def vector(self) -> Any:
+        return self.mat.createVecRight()
+
+    def join(self, x: Any, body: Any, scalars: Sequence[float] | npt.NDArray[np.float64]) -> None:
+        """Fill ``x`` from the body's part (an array) and the pressures'."""
+        with x as values:
+            values[: self.n] = body
+            if self.extra:
+                values[self.n :] = scalars
+
+    def split(self, x: Any) -> tuple[Any, npt.NDArray[np.float64]]:
+        """The body's part (local array, a view valid until x changes) and the pressures' (on all ranks)."""
+        values = x.array_r
+        return values[: self.n], scalars_from_owner(self.comm, np.array(values[self.n :]))
+
+    def factorise(self) -> None:
+        """Factorise K as it is now.
+
+        Raises:
+            MemoryError: On all ranks, if one has not enough. PETSc itself goes on with a preconditioner that is none.
+        """
+        self._direct.setReusePreconditioner(False)
+        self._direct.setUp()
+        if int(self._direct.getFactorMatrix().getMumpsInfog(1)) in OUT_OF_MEMORY:
+            raise MemoryError
+        self._direct.setReusePreconditioner(True)
+        self.factorisations += 1
+        self.refresh()
+
+    def solve(self, b: Any, x: Any) -> None:
+        """x = K^-1 b with the factorisation at hand, among the motions that keep the held volumes."""
+        self._direct.apply(b, x)
+        if self.held:
+            opened = [column.dot(x) for column in self.held]
+            for pressure, lifted in zip(
+                np.linalg.solve(self.compliances[1:, 1:], opened), self._lifted[1:], strict=True
+            ):
+                x.axpy(-pressure, lifted)
+
+    def negatives(self) -> int:
+        """Negative eigenvalues of the K that was factorised, on the motions that keep the held volumes.
+
+        Its negative pivots (Sylvester's law of inertia), less those that holding the volumes takes away: the negative
+        eigenvalues of H^T K^-1 H (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5).
+        """
+        held = np.linalg.eigvalsh(self.compliances[1:, 1:]) if self.held else np.empty(0)
+        return int(self._direct.getFactorMatrix().getMumpsInfog(12)) - int(np.count_nonzero(held < 0))
+
+    def refresh(self) -> None:
+        """Take up new columns: K^-1 times each with the factorisation at hand, and the compliances between them."""
+        for column, lifted in zip(self.columns, self._lifted, strict=True):
+            self._direct.apply(column, lifted)
+        self.compliances = np.array([[column.dot(lifted) for lifted in self._lifted] for column in self.columns])
+
+    # PETSc calls these: of the matrix, and of the preconditioner.
+
+    def mult(self, mat: Any, x: Any, y: Any) -> None:
+        body, pressures = self.split(x)
+        self._r.array_w[:] = body
+        self.product(body, self._y.array_w)
+        for pressure, column in zip(pressures, self.columns, strict=True):
+            self._y.axpy(-pressure, column)
+        along = self.control.volume * (self.row or self.q).dot(self._r) + self.control.pressure * pressures[0]
+        self.join(y, self._y.array_r, [along, *(column.dot(self._r) for column in self.held)])
+
+    def apply(self, pc: Any, x: Any, y: Any) -> None:
+        body, gaps = self.split(x)
+        self._r.array_w[:] = body
+        self._direct.apply(self._r, self._y)
+        a, rows = self.control.volume, [self.row or self.q, *self.held]
+        matrix = self.compliances.copy()
+        if self.row:
+            matrix[0] = [self.row.dot(lifted) for lifted in self._lifted]
+        matrix[0] *= a
+        matrix[0, 0] += self.control.pressure
+        opened = np.array([row.dot(self._y) for row in rows])
+        opened[0] *= a
+        # Most devices have one cavity, and this is called for every iteration.
+        pressures = (gaps - opened) / matrix[0] if self.scalars == 1 else np.linalg.solve(matrix, gaps - opened)
+        for pressure, lifted in zip(pressures, self._lifted, strict=True):
+            self._y.axpy(pressure, lifted)
+        self.join(y, self._y.array_r, pressures)

@@ -1,0 +1,153 @@
+"""How a state of equilibrium moves with the numbers of the material and with lengths of the device.
+
+A state (w, P) satisfies R(w, P; theta) = 0 on the line a V + b P = d of its control, so that
+
+        [ K      -q ] [dw/dtheta]     [ dR/dtheta            ]
+        [ a q^T   b ] [dP/dtheta] = - [ a dV/dtheta at rest w ]
+
+which is the matrix of Newton's method: one solve per parameter with the factorisation at hand, no finite differences, and
+regular at limit points wherever the line crosses the path (Michaleris, Tortorelli & Vidal 1994, doi 10.1002/nme.1620371408).
+dR/dtheta of a material's numbers is one compiled form per law, whatever the parameters: the derivative along a direction
+whose components are Constants. Of a length it is the derivative by the mesh's coordinates along the motion of its nodes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.materials.laws import Material
+from softmodels.materials.specimens import nudged, parameter_names
+from softmodels.mechanics.controls import Control
+from softmodels.mechanics.morphing import Reshaping
+from softmodels.mechanics.solver import Equilibrium, Tangent
+from softmodels.mechanics.system import State
+
+Array = npt.NDArray[np.float64]
+
+TOLERANCE = 1e-10  # of the linear solves
+_STEP = 1e-30  # into the complex plane: exact to rounding
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rate:
+    """Derivative of a state by one parameter (per its SI unit) or by its added volume (per m3).
+
+    Attributes:
+        w: Derivative of `State.w`, dimensionless, with ghosts.
+        P: Derivative of the cavity pressure in Pa.
+        V: Derivative of the whole device's cavity volume in m3.
+    """
+
+    w: Array
+    P: float
+    V: float
+
+
+def known_parameters(material: Material) -> tuple[str, ...]:
+    """Names a state can be differentiated by: the law's numbers (``c1``; ``mu1``, ``alpha1`` ...) and ``poisson``."""
+    return (*parameter_names(material), "poisson")
+
+
+class Sensitivity:
+    """Derivatives of an equilibrium's states.
+
+    Args:
+        equilibrium: The device.
+        reshaping: Lengths of it that will be asked for; None for none.
+    """
+
+    def __init__(self, equilibrium: Equilibrium, reshaping: Reshaping | None = None):
+        import ufl
+
+        self.equilibrium = eq = equilibrium
+        self._along = _Directions(eq)
+        self._material = eq.form(ufl.derivative(self._along.energy, eq.w, ufl.TestFunction(eq.space)))
+        X = ufl.SpatialCoordinate(eq.body.mesh)
+        self._lengths = {}
+        for name, velocity in (reshaping.velocities if reshaping else {}).items():
+            forces = [eq.form(ufl.derivative(force, X, velocity)) for force in eq.forces]
+            self._lengths[name] = forces, eq.form(ufl.derivative(eq.cavity_volume, X, velocity))
+
+    def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[Tangent, dict[str, Rate]]:
+        """Derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters change.
+
+        The tangent matrix is factorised at the state.
+
+        Args:
+            state: A state of the equilibrium's present material and lengths.
+            control: The line, dimensionless as for `Equilibrium.solve`.
+            names: Of `known_parameters`, or of the lengths.
+
+        Returns:
+            Direction of the path, for one unit of the control's line; and a rate per name.
+
+        Raises:
+            NoConvergence: The linear solver failed: the line touches the path.
+        """
+        eq = self.equilibrium
+        eq.factorise(state)
+        along = eq.tangent(state, control, TOLERANCE)
+        return along, {name: self._rate(state, control, name) for name in names}
+
+    def _rate(self, state: State, control: Control, name: str) -> Rate:
+        eq = self.equilibrium
+        mu, dmu = eq.stress_unit, 0.0
+        if name in self._lengths:
+            forces, volume = self._lengths[name]
+            # Forms by coordinates are per unit of the device's size.
+            force = eq._assemble(forces) / eq.length_unit
+            opened = eq._scalar(volume) / eq.length_unit
+        else:
+            dmu = self._along.turn(eq.material, name)
+            force, opened = eq._assemble([self._material]), 0.0
+        # The line is meant in Pa and m3; in shear moduli it moves as the shear modulus does.
+        gap = -control.volume * opened - control.pressure * state.P * dmu / mu
+        moved = eq.respond(-force, gap, TOLERANCE)
+        return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit)
+
+
+class _Directions:
+    """The stored energy's derivative along a direction in the space of the law's dimensionless constants."""
+
+    def __init__(self, eq: Equilibrium):
+        import ufl
+        from dolfinx import fem
+
+        mesh = eq.body.mesh
+        names = [field.name for field in dataclasses.fields(eq.material) if field.name != "poisson"]
+        constants = {name: getattr(eq.parameters, name) for name in names}
+        variables = {name: ufl.variable(constant) for name, constant in constants.items()}
+        bulk = ufl.variable(eq.bulk)
+        self.mixed = eq.mixed
+        self.turns = {name: fem.Constant(mesh, np.zeros_like(constant.value)) for name, constant in constants.items()}
+        self.bulk = fem.Constant(mesh, 0.0)
+        density = eq.density(types.SimpleNamespace(**variables), bulk)
+        slope = ufl.diff(density, bulk) * self.bulk
+        for name, variable in variables.items():
+            slope += ufl.inner(ufl.diff(density, variable), self.turns[name])
+        self.sheet, self.stiffness = eq.sheet, fem.Constant(mesh, 0.0)
+        self.length = eq.length_unit
+        energies = eq.energies(slope, self.stiffness)
+        self.energy = sum(energies[1:], energies[0])
+
+    def turn(self, material: Material, name: str) -> float:
+        """Point the direction along one parameter of the law; returns the shear modulus' derivative by it."""
+        moved = nudged(material, name, 1j * _STEP)
+        mu = complex(moved.shear_modulus_0)
+        for field, constant in self.turns.items():
+            value = np.asarray(getattr(moved, field), dtype=complex)
+            unit = type(material).__dataclass_fields__[field].metadata["unit"]
+            constant.value = np.imag(value / mu if unit == "Pa" else value) / _STEP
+        bulk = moved.bulk
+        stiff = isinstance(bulk, float) and math.isinf(bulk)
+        ratio = (0.0 if stiff else mu / bulk) if self.mixed else bulk / mu
+        self.bulk.value = np.imag(ratio) / _STEP
+        if self.sheet is not None:  # it keeps its stiffness, which in shear moduli falls
+            self.stiffness.value = np.imag(self.sheet.stiffness / (mu * self.length)) / _STEP
+        return mu.imag / _STEP

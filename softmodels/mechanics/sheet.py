@@ -1,0 +1,93 @@
+"""A thin sheet bonded to a face of the silicone: fabric or film that limits how far it stretches.
+
+The sheet shares the solid's displacements and resists stretching in its plane, not bending. It is an incompressible
+neo-Hookean membrane in plane stress, whose energy per undeformed area is
+
+    W = E t / 6 (I1 + 1/J^2 - 3)
+
+with I1 and J of the surface deformation F (I - N N): the surface's own first invariant and change of area. To first order
+this is a sheet of stiffness E t (N/m) and Poisson's ratio 1/2. Holzapfel 2000, Nonlinear Solid Mechanics, section 6.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from softmodels.materials.laws import MaterialError
+
+SOFTEST, STIFFEST = 1.0, 1e7
+"""Stiffnesses in N/m that are taken: from a tenth of a millimetre of gel to a centimetre of nylon."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Sheet:
+    """A sheet on a face.
+
+    Attributes:
+        face: Role of the facets it is bonded to, such as ``"top"``.
+        stiffness: Young's modulus times thickness in N/m.
+
+    Raises:
+        MaterialError: A stiffness that no sheet has.
+    """
+
+    face: str
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.stiffness) or not SOFTEST <= self.stiffness <= STIFFEST:
+            raise MaterialError(
+                f"the sheet's stiffness is {self.stiffness:.4g} N/m; it is Young's modulus times thickness, and "
+                f"{SOFTEST:g} to {STIFFEST:g} N/m are taken (0.1 mm of polyester: about "
+                "400 kN/m; 50 kN/m hardly stretch on silicone)"
+            )
+
+
+def surface_metric(F: Any, N: Any) -> Any:
+    """C of the surface, in UFL: symmetric, with one eigenvalue 0, along the undeformed normal N."""
+    import ufl
+
+    surface = F * (ufl.Identity(3) - ufl.outer(N, N))
+    return surface.T * surface
+
+
+def membrane_stress(C: Any) -> Any:
+    """Derivative of `membrane_energy` by C, in UFL."""
+    import ufl
+
+    I1 = ufl.tr(C)
+    area = (I1**2 - ufl.inner(C, C)) / 2
+    return (ufl.Identity(3) - (I1 * ufl.Identity(3) - C) / area**2) / 6
+
+
+def membrane_tangent(C: Any, w: Any, foreseen: Any, test: Any, trial: Any) -> Any:
+    """Second derivative of `membrane_energy`, its stress foreseen and not that of the state, in UFL.
+
+    Args:
+        C: `surface_metric` of w.
+        w: The unknowns.
+        foreseen: Stress (`membrane_stress`) that turns with the sheet.
+        test, trial: Directions.
+    """
+    import ufl
+
+    along = ufl.derivative(C, w, test)
+    stiffness = ufl.inner(ufl.derivative(membrane_stress(C), w, trial), along)
+    return stiffness + ufl.inner(foreseen, ufl.derivative(along, w, trial))
+
+
+def membrane_energy(F: Any, N: Any) -> Any:
+    """Energy of the sheet per undeformed area and stiffness, in UFL.
+
+    Args:
+        F: Deformation gradient of the solid at the face, 3 x 3.
+        N: Unit normal of the undeformed face, 3 components.
+    """
+    import ufl
+
+    C = surface_metric(F, N)
+    I1 = ufl.tr(C)
+    area = (I1**2 - ufl.inner(C, C)) / 2  # the square of the change of area: C has one eigenvalue 0, along N
+    return (I1 + 1 / area - 3) / 6

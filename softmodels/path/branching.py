@@ -1,0 +1,149 @@
+"""The branch that leaves a path at a bifurcation.
+
+Where K is singular in a mode, the device can go on in two more ways, the path's shape with a little of the mode added or
+taken away. Near the bifurcation the branch, its mirror image and the path itself have all but the same volumes and
+pressures, so its first states are solved for with the amount of the mode given, which is regular whatever volume and
+pressure do. Once two states foretell the third, arc lengths lead on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.mechanics.controls import arc_length
+from softmodels.mechanics.solver import NoConvergence
+from softmodels.mechanics.system import State
+from softmodels.path.continuation import Path
+from softmodels.path.points import PathEnd, Point, predict
+from softmodels.path.stability import Mode
+
+AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
+"""Amounts of the mode tried in turn for the first state: largest displacement in sizes of the device."""
+GROWTH = 1.3
+"""From one given amount of the mode to the next."""
+MOST_AMOUNTS = 14
+"""Given amounts of the mode after which arc lengths take over in any case."""
+FORETOLD = 0.2
+"""Error of a foretold amount, in shares of its growth, below which arc lengths take over."""
+MOST_POINTS = 60
+
+
+class Branch:
+    """One of the two ways from a bifurcation; takes the path over, whose last points become the branch's.
+
+    Args:
+        path: The path that met it.
+        bifurcation: The point.
+        sign: 1 or -1: which way along the mode. Where a symmetry of the device maps one to the other, both are the same.
+    """
+
+    def __init__(self, path: Path, bifurcation: Point, sign: int):
+        self.path, self.start, self.sign = path, bifurcation, sign
+        self.mode = Mode(path.stability, bifurcation.mode)
+        path.points, path.line, path.modes = [], "arc-length", []
+
+    def amount(self, w: npt.NDArray[np.float64]) -> float:
+        """What dofs (shape as `State.w`) have of the mode beyond the bifurcation's, along the way taken."""
+        return self.sign * self.mode.share(w - self.start.state.w)
+
+    def first(self) -> Point:
+        """The first state on the branch.
+
+        Raises:
+            NoConvergence: No amount of the mode led to a state.
+        """
+        at = self.start.state
+        for amount in AMOUNTS:
+            try:
+                return self._given(amount, at.w + self.sign * amount * self.start.mode, at.P)
+            except NoConvergence as failure:
+                self.path.report(f"no state with {amount:g} of the mode ({failure})")
+        raise NoConvergence("no state was found on the branch")
+
+    def next(self) -> Point:
+        """The state with `GROWTH` times as much of the mode as the last."""
+        path, last = self.path, self.path.last.state
+        before = path.points[0].state if len(path.points) > 1 else self.start.state
+        old, new = self.amount(before.w), self.amount(last.w)
+        ahead = (GROWTH - 1) * new / (new - old)
+        return self._given(GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P))
+
+    def _given(self, amount: float, guess: npt.NDArray[np.float64], P: float) -> Point:
+        """The state with so much of the mode, its tangent pointing towards more."""
+        path, eq, at = self.path, self.path.equilibrium, self.start.state
+        eq.factorise(dataclasses.replace(at, w=guess, P=P))
+        state = eq.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
+        eq.factorise(state)
+        signature = path.stability.signature(exact=True)
+        t = path.tangent(state)
+        tangent = t if self.sign * self.mode.share(t.w) > 0 else -t
+        step = self._distance(path.last.state, state) if path.points else path.first_steps["arc-length"]
+        return dataclasses.replace(
+            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=eq.age,
+            signature=signature, stiffest=abs(tangent.compliance),
+        )  # fmt: skip
+
+    def _distance(self, a: State, b: State) -> float:
+        """Arc length between two states in the plane of volume and pressure."""
+        change = (b.V - a.V, b.P - a.P)
+        return self.path.product(change, change) ** 0.5
+
+    def foretold(self, known: list[Point], found: Point) -> bool:
+        """Whether two points of the branch foretell a third well enough to go on by arc lengths."""
+        s, t = known[-1].state, known[-1].tangent
+        path, new = self.path, found.state
+        line = arc_length(s.V, s.P, t.V, t.P, 0.0, path.V_scale, path.P_scale)
+        line = line.at(line.value(new.V, new.P))
+        forward = all(path.product((p.tangent.V, p.tangent.P), (t.V, t.P)) > 0 for p in (*known, found))
+        if len(known) < 2 or not forward or line.target <= line.value(s.V, s.P):
+            return False
+        amount = self.amount(new.w)
+        error = self.amount(predict(known, line)[0]) - amount
+        return abs(error) <= FORETOLD * abs(amount - self.amount(s.w))
+
+
+def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = float("inf")) -> Iterator[Point]:
+    """Follow the branch away from a bifurcation.
+
+    Args:
+        path: The path that met it; taken over.
+        bifurcation: Where the branch begins.
+        sign: Which way along the mode.
+        farthest: Value of the path's quantity at which to end; so does a cavity that has grown or shrunk too far.
+
+    Yields:
+        The branch's points, limit points and further bifurcations among them; at most `MOST_POINTS`.
+
+    Raises:
+        PathEnd: The branch could be followed no further.
+    """
+    from softmodels.path.continuation import FARTHEST
+
+    def ends(point: Point) -> bool:
+        value = path.value(point.state)
+        return value >= farthest or value <= 0.0 or not 0.05 < point.state.V / path.V_scale < FARTHEST
+
+    branch = Branch(path, bifurcation, sign)
+    try:
+        yield path.keep(branch.first())
+        for _ in range(MOST_AMOUNTS):
+            known, found = path.points, branch.next()
+            yield path.keep(found)
+            if ends(found):
+                return
+            if branch.foretold(known, found):
+                break
+    except NoConvergence as failure:
+        raise PathEnd(str(failure)) from failure
+    path.modes = [branch.mode]
+    for _ in range(MOST_POINTS):
+        before = path.last
+        after = path.advance(min(before.step, 0.5), float("inf"))
+        for stop in [*path.events(before, after), after]:
+            yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=after.step))
+        if ends(after):
+            return

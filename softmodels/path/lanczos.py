@@ -1,0 +1,82 @@
+"""The lowest eigenvalue of K x = lambda M x by Lanczos' method on K^-1 M, held against its residual and K's inertia.
+
+K is symmetric and may be indefinite, M symmetric and positive but for a null space (the pressures of a mixed form). K^-1 M is
+self-adjoint in the inner product of M, with eigenvalues nu = 1/lambda. Where K has no negative eigenvalue, the lowest lambda
+belongs to the largest nu. Where it has k of them, it belongs to the negative nu nearest to zero: Lanczos' matrix never has
+more negative eigenvalues than K (Cauchy's interlacing), so once it has k of them, none has been overlooked.
+Parlett 1998, The Symmetric Eigenvalue Problem, chapters 11 to 13; the semi-inner product: Nour-Omid, Parlett, Ericsson and
+Jensen 1987, doi 10.1090/S0025-5718-1987-0878698-5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from softmodels.mechanics.solver import NoConvergence
+
+TOLERANCE = 1e-7
+"""Residual of K^-1 M x = nu x, in the norm of M and in shares of nu; the eigenvalue's error is about its square."""
+ROUNDING = 1e-12
+"""Share of the largest nu below which one is zero: it belongs to the null space of M."""
+MOST_STEPS = 150
+"""Back-substitutions after which an eigenvalue counts as not found."""
+
+
+def lowest(
+    solve: Callable[[Any, Any], None], M: Any, start: Any, negatives: int, count: int = 1
+) -> tuple[float, list[Any]]:
+    """The lowest eigenvalue, its vector, and approximations of the next ones.
+
+    Args:
+        solve: ``solve(b, x)`` puts K^-1 b into x (PETSc vectors).
+        M: PETSc matrix.
+        start: PETSc vector with a part of every mode.
+        negatives: Number of negative eigenvalues of K where M counts.
+        count: How many vectors; fewer if fewer were found.
+
+    Returns:
+        lambda, and vectors of length 1 in the norm of M, the one of lambda first.
+
+    Raises:
+        NoConvergence: The residual did not fall below the tolerance, or K's inertia says otherwise.
+    """
+    w, image = M.createVecRight(), M.createVecLeft()
+    M.mult(start, image)
+    solve(image, w)  # in the range of K^-1 M, where M is an inner product
+    basis: list[Any] = []
+    images: list[Any] = []
+    diagonal: list[float] = []
+    beside: list[float] = []
+    M.mult(w, image)
+    length = w.dot(image) ** 0.5
+    while len(basis) < MOST_STEPS:
+        if not np.isfinite(length) or length == 0.0:
+            break
+        basis.append(w.copy())
+        images.append(image.copy())
+        basis[-1].scale(1 / length)
+        images[-1].scale(1 / length)
+        solve(images[-1], w)
+        diagonal.append(w.dot(images[-1]))
+        for _ in range(2):  # against all before, twice: Lanczos' own recurrence forgets them
+            w.maxpy([-share for share in w.mDot(images)], basis)
+        M.mult(w, image)
+        length = max(w.dot(image), 0.0) ** 0.5
+        values, vectors = scipy.linalg.eigh_tridiagonal(diagonal, beside)
+        below = int(np.count_nonzero(values < -ROUNDING * np.abs(values).max()))
+        if below > negatives:
+            break
+        if below == negatives:
+            chosen = negatives - 1 if negatives else len(values) - 1
+            if length * abs(vectors[-1, chosen]) <= TOLERANCE * abs(values[chosen]):
+                others = [k for k in range(len(values) - 1, -1, -1) if k != chosen][: count - 1]
+                found = [M.createVecRight() for _ in (chosen, *others)]
+                for x, k in zip(found, (chosen, *others), strict=True):
+                    x.maxpy([float(share) for share in vectors[:, k]], basis)
+                return 1 / float(values[chosen]), found
+        beside.append(length)
+    raise NoConvergence(f"the lowest eigenvalue was not found in {len(basis)} steps")

@@ -1,0 +1,119 @@
+"""Points of a load path, and what two of them foretell of the next."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from softmodels.mechanics.controls import Control, Curve, volume_control
+from softmodels.mechanics.solver import NoConvergence, Tangent
+from softmodels.mechanics.system import State
+from softmodels.path.stability import Signature
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Point:
+    """One state of a path.
+
+    Attributes:
+        state: The state (dimensionless).
+        tangent: Direction of the path there.
+        requested: Whether this is one of the requested values.
+        limit: Whether this is a limit point of the pressure.
+        step: Length of the next step in units of ``line``.
+        line: What the path is following here: pressure, volume or arc-length.
+        factorised: Whether the factorisation that the path goes on with is that of this state (a restart has to do the same).
+        age: How far that factorisation has aged here, in iterations of the linear solver.
+        stiffest: Least |dV/dP| on the path so far.
+        signature: Number of falling directions and lowest eigenvalue.
+        mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1 or -1; else None.
+        jump: Whether the device has jumped here: from the state before, or from the last turn of a syringe's stroke.
+        turn: Whether this is a limit point of a syringe's stroke.
+        worn: Whether the last linear solve took so long that the factorisation is replaced at once.
+        largest: Largest of the lowest eigenvalues on the path so far, without its sign.
+    """
+
+    state: State
+    tangent: Tangent
+    requested: bool
+    limit: bool
+    step: float
+    line: str
+    factorised: bool
+    age: int
+    stiffest: float
+    signature: Signature = dataclasses.field(default_factory=Signature)
+    mode: Any = None
+    jump: bool = False
+    turn: bool = False
+    worn: bool = False
+    largest: float = 0.0
+
+    @property
+    def bifurcation(self) -> bool:
+        return self.mode is not None
+
+    @property
+    def stable_under_pressure(self) -> bool:
+        return self.signature.excess == 0
+
+    @property
+    def stable_under_volume(self) -> bool:
+        """Whether no direction that keeps the cavity's volume lowers the energy."""
+        return self.stable_under(volume_control(self.state.V))
+
+    def stable_under(self, control: Control) -> bool:
+        """Whether the state is stable where pressure and volume can only move along a control's line a V + b P = d.
+
+        What drives the air then gives way by dP = -k dV, k = a/b, and adds k q q^T to K. That takes one of the falling
+        directions away where 1 + k q.K^-1 q = 1 + k dV/dP is negative, and else changes nothing (Sylvester's law again).
+
+        Args:
+            control: The line, neither a nor b negative; of a gas law its tangent at this state.
+        """
+        t = self.tangent
+        return self.signature.excess == int((control.volume * t.V + control.pressure * t.P) * t.P < 0)
+
+
+class PathEnd(Exception):
+    """The path cannot go on to what was requested. ``limit`` is the limit point met, or None; ``why`` a clause."""
+
+    def __init__(self, why: str, limit: Point | None = None):
+        super().__init__(why)
+        self.limit = limit
+
+
+def predict(points: Sequence[Point], line: Curve) -> tuple[Any, float]:
+    """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
+
+    The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.
+    """
+    d, w, P, dw, dP, rates = [], [], [], [], [], []
+    for point in points:
+        s, t = point.state, point.tangent
+        a, b = line.slopes(s.V, s.P)
+        rate = a * t.V + b * t.P
+        rates.append(rate)
+        if rate == 0.0:
+            raise NoConvergence("the path runs along the control's line")
+        d.append(line.value(s.V, s.P))
+        w.append(s.w)
+        P.append(s.P)
+        dw.append(t.w / rate)
+        dP.append(t.P / rate)
+    rates_agree = len(points) == 2 and rates[0] * rates[1] > 0
+    h = d[-1] - d[0]
+    if not rates_agree or h == 0.0 or abs(line.target - d[-1]) > 3 * abs(h):
+        ahead = line.target - d[-1]
+        return w[-1] + ahead * dw[-1], P[-1] + ahead * dP[-1]
+    x = (line.target - d[0]) / h
+    a, b = (1 + 2 * x) * (1 - x) ** 2, h * x * (1 - x) ** 2
+    c, e = x * x * (3 - 2 * x), h * x * x * (x - 1)
+
+    def cubic(v: Any, r: Any) -> Any:
+        return a * v[0] + b * r[0] + c * v[1] + e * r[1]
+
+    return cubic(w, dw), float(cubic(np.array(P), np.array(dP)))

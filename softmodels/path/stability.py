@@ -1,0 +1,350 @@
+"""Stability of states: the signature of the tangent, its lowest eigenvalues, and their modes.
+
+A state is stable under a given pressure where the tangent K is positive definite on the displacements, and under a given
+volume where it is so on those that keep the volume. Both follow from the inertia of the factorised K (Sylvester's law):
+
+* Mixed form: each of the n_p unknowns of p adds one negative pivot to a stable K, since eliminating them from the bottom
+  leaves the displacements' own stiffness (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5). What is beyond n_p is the
+  *excess*: the number of directions in which the energy falls.
+* Holding the volume takes one of them away where the compliance dV/dP = q.K^-1 q is negative.
+* Volumes that are held whatever the path follows are taken into account in both (`Bordered.negatives`).
+
+Eigenvalues are of K x = lambda M x with the displacement's mass matrix M (of unit density): they do not depend on the mesh's
+cells, and lambda / density is the square of a natural frequency. M has no entries for p, which is then slaved to u.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+
+from softmodels.mechanics.solver import Equilibrium, NoConvergence
+from softmodels.mechanics.system import State
+from softmodels.path.lanczos import lowest
+
+Array = npt.NDArray[np.float64]
+
+ALWAYS = 6000
+"""Unknowns up to which every point is factorised: it costs no more there than the iterations it saves."""
+NEAR = 0.4
+"""Share of the lowest eigenvalue at the last factorised point below which a larger system is factorised too."""
+BLOCK = 4
+"""Modes of the last factorised point from which the lowest eigenvalue of a point without factorisation is found."""
+MOST_CORRECTIONS, CLOSE = 6, 5e-3
+"""Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
+error is about its square. A mode that does not get there in as many has the point factorised."""
+SINGULAR = 1e-6
+"""Eigenvalue, in shares of the largest on the path, below which K is singular and the rest is rounding."""
+
+ALIKE = 0.6
+"""Cosine of the angle between two modes (in the inner product of M) above which they are one mode at two states."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Signature:
+    """How a state stands.
+
+    Attributes:
+        excess: Directions in which the energy at a given pressure falls; 0 if stable.
+        lowest: Lowest eigenvalue, dimensionless (shear moduli over squared sizes), to 1e-9 of itself, or to 1e-3 where it is
+            not exact; nan if it was not found.
+        exact: Whether K was factorised here. Else the excess is the last factorised point's, and the eigenvalue has kept
+            away from zero since.
+    """
+
+    excess: int = 0
+    lowest: float = 0.0
+    exact: bool = True
+
+
+class Stability:
+    """Signatures of an equilibrium's states. One per `Equilibrium`; see `of`."""
+
+    def __init__(self, equilibrium: Equilibrium):
+        import ufl
+        from dolfinx import fem
+        from dolfinx.fem import petsc as fem_petsc
+
+        eq = self.equilibrium = equilibrium
+        test, trial = ufl.TestFunction(eq.space), ufl.TrialFunction(eq.space)
+        u, v = (ufl.split(f)[0] if eq.mixed else f for f in (trial, test))
+        dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
+        mass = ufl.inner(eq.body.displacement(u), eq.body.displacement(v)) * eq.body.hoop * dx
+        form = fem.form(mass, jit_options={"cffi_extra_compile_args": ["-O2"]})
+        self.M = fem_petsc.assemble_matrix(form, bcs=eq.bcs, diag=0.0)
+        self.M.assemble()
+        self.unknowns = eq.K.getSize()[0]
+        self.constraints = 0
+        if eq.mixed:
+            collapsed, _ = eq.space.sub(1).collapse()
+            self.constraints = collapsed.dofmap.index_map.size_global
+        self.start()
+
+    @classmethod
+    def of(cls, equilibrium: Equilibrium) -> Stability:
+        """The one that belongs to an equilibrium, made at the first call."""
+        found = getattr(equilibrium, "_stability", None)
+        if found is None:
+            found = cls(equilibrium)
+            equilibrium._stability = found  # type: ignore[attr-defined]
+        return found
+
+    def start(self) -> None:
+        """Forget the modes known and take up a shape that has a part of every mode, the same on any ranks.
+
+        Every search for modes begins with it, so that what is found depends on the state alone and not on the way there.
+        """
+        from dolfinx import fem
+
+        eq = self.equilibrium
+        seed, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
+
+        def rough(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+            waves = np.array([[1.7, 2.3, 2.9], [3.1, 1.3, 2.1], [2.7, 3.3, 1.9]])
+            return np.sin(waves[:d] @ x + 0.5) + 0.3 * np.sin(3.7 * waves[:d] @ x)
+
+        (seed.sub(0) if eq.mixed else seed).interpolate(rough)
+        for bc in eq.bcs:
+            bc.set(seed.x.array, alpha=0.0)
+        self.seed = self.M.createVecRight()
+        self.seed.array_w[:] = seed.x.array[: eq.n]
+        self.sense = self.M.createVecLeft()  # tells a mode from its opposite
+        self.M.mult(self.seed, self.sense)
+        self.reference = self.largest = self._guess = 0.0
+        self.modes: list[Any] = []
+
+    # -- along a path -------------------------------------------------------------------------------------------------
+
+    def wants(self, state: State) -> bool:
+        """Whether the signature at this state needs a factorisation of its own."""
+        if self.unknowns <= ALWAYS or not self.modes:
+            return True
+        try:
+            self._guess = self._corrected(state)
+        except NoConvergence:
+            return True
+        return self._guess < NEAR * self.reference
+
+    def signature(self, exact: bool, excess: int = 0) -> Signature:
+        """Signature of the state that `wants` was asked of: of K as factorised there, or else with the excess known before."""
+        if not exact:
+            return Signature(excess, self._guess, exact=False)
+        return Signature(self.excess(), self.lowest())
+
+    def lowest(self) -> float:
+        """Lowest eigenvalue of K as it is factorised; nan if it was not found to within its tolerance."""
+        try:
+            value, self.modes = lowest(self.equilibrium.system.solve, self.M, self.seed, self.excess(), BLOCK)
+        except NoConvergence:
+            self.modes = []
+            return math.nan
+        self.reference = abs(value)
+        self.largest = max(self.largest, self.reference)
+        return value
+
+    def critical_lowest(self, state: State, excess: int) -> float:
+        """Lowest eigenvalue where K is singular in one mode more than ``excess`` negative ones; K may be factorised there.
+
+        Zero where none is negative; else that of K with its singular mode, which leaves the others as they are.
+        """
+        if not excess:
+            return 0.0
+        self.equilibrium.factorise(state)
+        reference, largest = self.reference, self.largest
+        value = self.lowest()
+        self.reference, self.largest = reference, largest
+        return 0.0 if abs(value) < SINGULAR * largest else value
+
+    def excess(self) -> int:
+        """Negative eigenvalues of the factorised K beyond those of a stable one."""
+        return self.equilibrium.system.negatives() - self.constraints
+
+    def _corrected(self, state: State) -> float:
+        """Lowest eigenvalue of a state without a factorisation of its own, from the modes of the last one that has.
+
+        Davidson's method: Rayleigh's quotient is made stationary over those modes and corrections of the lowest, each the
+        residual times the kept K^-1. Its error is quadratic in the mode's.
+
+        Raises:
+            NoConvergence: The mode changes too much between the two states.
+        """
+        eq, M = self.equilibrium, self.M
+        eq.load(state)
+        basis: list[Any] = []
+        products: list[Any] = []
+        images: list[Any] = []
+        new, before = list(self.modes), np.empty(0)
+        A = C = np.empty((0, 0))
+        for _ in range(MOST_CORRECTIONS):
+            for x in new:
+                Kx, Mx = M.createVecLeft(), M.createVecLeft()
+                eq._multiply(x.array_r, Kx.array_w)
+                M.mult(x, Mx)
+                basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
+                A, C = _grown(A, Kx.mDot(basis)), _grown(C, Mx.mDot(basis))
+            values, vectors = scipy.linalg.eigh(A, C)
+            # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
+            likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
+            chosen = int(np.argmax(likeness))
+            value, before = float(values[chosen]), vectors[:, chosen]
+            shares = [float(share) for share in before]
+            residual, correction = M.createVecLeft(), M.createVecRight()
+            residual.maxpy(shares, products)
+            residual.maxpy([-value * share for share in shares], images)
+            eq.system.solve(residual, correction)
+            M.mult(correction, residual)
+            size = max(correction.dot(residual), 0.0) ** 0.5
+            if size <= CLOSE:
+                return value
+            if not math.isfinite(size):
+                break
+            correction.scale(1 / size)
+            new = [correction]
+        raise NoConvergence("the lowest mode changes too much without a factorisation")
+
+    # -- at one state -------------------------------------------------------------------------------------------------
+
+    def eigenpairs(self, state: State, count: int = 4) -> list[tuple[float, npt.NDArray[np.float64]]]:
+        """Eigenvalues nearest zero and their modes at a state, rising, by shift and invert through the factorised K.
+
+        Args:
+            state: The state; K is factorised there.
+            count: How many at least.
+
+        Returns:
+            Pairs of eigenvalue (dimensionless) and mode: shape as `State.w`, largest entry 1 or -1.
+        """
+        self.equilibrium.factorise(state)
+        return self._pairs(count)
+
+    def _pairs(self, count: int) -> list[tuple[float, npt.NDArray[np.float64]]]:
+        """`eigenpairs` of K as it is factorised."""
+        from petsc4py import PETSc
+        from slepc4py import SLEPc
+
+        eq = self.equilibrium
+        solver = SLEPc.EPS().create(eq.comm)
+        # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
+        # constraint's infinite eigenvalues are zeros here, far from those wanted.
+        solver.setOperators(_Inverse.matrix(eq, self.M))
+        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
+        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+        solver.setDimensions(count, max(2 * count + 8, 16))
+        solver.setTolerances(1e-10, 200)
+        solver.setInitialSpace([self.seed])
+        try:
+            solver.solve()
+        except (PETSc.Error, SystemError) as error:  # SLEPc's own errors come as either
+            raise NoConvergence("the modes of the tangent were not found") from error
+        pairs = []
+        vector = eq.K.createVecRight()
+        for i in range(solver.getConverged()):
+            inverse = solver.getEigenpair(i, vector)
+            pairs.append((1 / inverse.real, self._mode(vector)))
+        solver.destroy()
+        if not pairs:
+            raise NoConvergence("the modes of the tangent were not found")
+        pairs.sort(key=lambda pair: pair[0])
+        return pairs
+
+    def _mode(self, vector: Any) -> npt.NDArray[np.float64]:
+        from dolfinx import fem
+
+        function = fem.Function(self.equilibrium.space)
+        function.x.array[: self.equilibrium.n] = vector.array_r
+        function.x.scatter_forward()
+        # By its largest entry alone, an antisymmetric mode would turn round with the rounding of the day.
+        largest = max(vector.max()[1], -vector.min()[1])
+        scaled = function.x.array / math.copysign(largest, vector.dot(self.sense))
+        return np.concatenate([scaled, np.zeros(len(self.equilibrium.drive.held))])
+
+    def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
+        """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the state."""
+        pairs = self.eigenpairs(state)
+        negative = self.excess()
+        rank = negative - sum(value < 0 for value, _ in pairs)  # negative ones farther from zero than those found
+        chosen = min(max(index - rank, 0), len(pairs) - 1)
+        return pairs[chosen]
+
+    def like(self, state: State, shape: npt.NDArray[np.float64]) -> tuple[float, npt.NDArray[np.float64]]:
+        """The eigenvalue whose mode is most like a shape, and that mode: the same one all along, whatever others it passes.
+
+        Args:
+            state: The state; K is factorised there.
+            shape: Mode at a neighbouring state, local dofs.
+
+        Raises:
+            NoConvergence: No mode is like it.
+        """
+        measure = Mode(self, shape)
+        pairs = [
+            (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
+        ]
+        likeness, value, mode = max(pairs, key=lambda pair: pair[0])
+        if likeness < ALIKE:
+            raise NoConvergence("its mode was lost between two states")
+        return value, mode
+
+
+def _grown(square: Array, column: Array) -> Array:
+    """A symmetric matrix with one more column and row."""
+    column = np.asarray(column)
+    return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
+
+
+class Mode:
+    """A shape in which a device leaves its path, as a measure of other shapes.
+
+    Args:
+        stability: Of the device's equilibrium.
+        shape: Local dofs, shape as `State.w`.
+
+    Attributes:
+        image: M times the shape over shape.M.shape, a PETSc vector: its product with dofs is what they have of the shape.
+    """
+
+    def __init__(self, stability: Stability, shape: npt.NDArray[np.float64]):
+        self._M = stability.M
+        self._vector, self.image = self._M.createVecRight(), self._M.createVecLeft()
+        self._size = self._length(shape)
+        self._M.mult(self._vector, self.image)
+        self.image.scale(1 / self._size**2)
+
+    def share(self, w: npt.NDArray[np.float64]) -> float:
+        """What dofs (shape as `State.w`) have of the mode."""
+        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
+        return float(self.image.dot(self._vector))
+
+    def size(self, w: npt.NDArray[np.float64]) -> float:
+        """How large dofs are, with the mode as the unit."""
+        return self._length(w) / self._size
+
+    def _length(self, w: npt.NDArray[np.float64]) -> float:
+        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
+        pushed = self._M.createVecLeft()
+        self._M.mult(self._vector, pushed)
+        return float(self._vector.dot(pushed) ** 0.5)
+
+
+class _Inverse:
+    """PETSc's context of K^-1 M with the kept factorisation."""
+
+    def __init__(self, equilibrium: Equilibrium, M: Any):
+        self.solve, self.M, self.image = equilibrium.system.solve, M, M.createVecLeft()
+
+    @classmethod
+    def matrix(cls, equilibrium: Equilibrium, M: Any) -> Any:
+        from petsc4py import PETSc
+
+        made = PETSc.Mat().createPython(M.getSizes(), context=cls(equilibrium, M), comm=M.comm)
+        made.setUp()
+        return made
+
+    def mult(self, mat: Any, x: Any, y: Any) -> None:
+        self.M.mult(x, self.image)
+        self.solve(self.image, y)

@@ -1,0 +1,143 @@
+"""What drives the air: a syringe on a T-junction with the column and the device, and the gas between them.
+
+The syringe's stroke S is the volume its piston has swept. It pushes the gas that filled syringe, tubes and cavity at ambient
+pressure; together they held G = dead + syringe + cavity at rest. With p = (P + ambient) / ambient and the exponent n (1
+isothermal, 1.4 adiabatic) the gas law is
+
+    p^(1/n) (G - S + V - V0) = G (1 - leak S)
+
+so S is a function of cavity volume and pressure: a control like any other, whose line in the plane is the gas law's
+tangent. A very large G makes it pressure control (S/G alone gives P), an incompressible fluid volume control (S = V - V0).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import ClassVar
+
+from measurement.units import brief
+from softmodels.mechanics.controls import Control
+
+GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
+"""Exponent of the gas law by name; a liquid does not give way at all."""
+AMBIENT = 101.325e3
+
+
+class SupplyError(ValueError):
+    """An impossible supply; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Syringe:
+    """A syringe and its tubes; SI units.
+
+    Attributes:
+        syringe: Volume of the syringe in m3 when its piston is drawn back, which is the largest stroke.
+        dead_volume: Volume of tubes and T-junction in m3.
+        ambient: Absolute pressure outside in Pa, at which everything was filled.
+        gas: One of `GASES`.
+        leak: Share of the gas's mass lost per m3 of stroke, counted from the mass at rest: at the stroke S the mass is
+            1 - leak S of what it was. So it is the leak of a piston moved at a steady rate.
+    """
+
+    syringe: float = 20e-6
+    dead_volume: float = 5e-6
+    ambient: float = AMBIENT
+    gas: str = "isothermal"
+    leak: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.gas, str) or self.gas not in GASES:
+            raise SupplyError(f"gas {brief(self.gas)} is not one of {', '.join(GASES)}")
+        for name, value, least in (("syringe", self.syringe, True), ("dead volume", self.dead_volume, False),
+                                   ("ambient pressure", self.ambient, True), ("leak", self.leak, False)):  # fmt: skip
+            if not math.isfinite(value) or value < 0 or (least and value == 0):
+                raise SupplyError(f"the {name} is {value:g}; it must be {'above' if least else 'at least'} zero")
+        if self.leak * self.syringe >= 1:
+            raise SupplyError(f"a leak of {self.leak * 1e-6:g} per ml loses all gas within one stroke")
+        if self.gas == "liquid" and self.leak:
+            raise SupplyError("a leak is of a gas; leave it out with a liquid")
+
+    def gas_at_rest(self, cavity: float) -> float:
+        """Volume in m3 of all gas at rest, with a cavity of so many m3."""
+        return self.syringe + self.dead_volume + cavity
+
+    def control(self, cavity: float, pressure_unit: float, volume_unit: float) -> Stroke:
+        """The control at stroke zero.
+
+        Args:
+            cavity: The whole device's cavity at rest in m3.
+            pressure_unit: Pa in one dimensionless pressure.
+            volume_unit: m3 of the whole device in one dimensionless volume.
+        """
+        return Stroke(
+            0.0, cavity / volume_unit, self.gas_at_rest(cavity) / volume_unit, self.ambient / pressure_unit,
+            1 / GASES[self.gas], self.leak * volume_unit,
+        )  # fmt: skip
+
+    def gas_energy(self, stroke: float, added: float, pressure: float, cavity: float) -> float:
+        """Work in J that the gas has taken up against the surroundings, without a leak.
+
+        The piston's work is the integral of P dS; what is not stored in the rubber is here (isothermal: free energy).
+
+        Args:
+            stroke, added: Stroke and added volume of the cavity in m3.
+            pressure: Gauge pressure in Pa.
+            cavity: Cavity at rest in m3.
+        """
+        if self.gas == "liquid":
+            return 0.0
+        total = self.gas_at_rest(cavity)
+        now = total - stroke + added
+        moved = self.ambient * (now - total)
+        if self.gas == "isothermal":
+            return self.ambient * total * math.log(total / now) + moved
+        return ((pressure + self.ambient) * now - self.ambient * total) / (GASES[self.gas] - 1) + moved
+
+
+@dataclasses.dataclass(frozen=True)
+class Stroke:
+    """The curve of one stroke in the plane of volume and pressure, dimensionless: a `controls.Curve`.
+
+    Attributes:
+        target: Stroke.
+        rest: Cavity volume at rest.
+        gas: All gas at rest.
+        ambient: Ambient pressure.
+        power: 1/n of the gas law.
+        leak: Share of mass lost per unit of stroke.
+    """
+
+    target: float
+    rest: float
+    gas: float
+    ambient: float
+    power: float
+    leak: float
+
+    needs_volume: ClassVar[bool] = True
+
+    def value(self, V: float, P: float) -> float:
+        squeezed = max(1 + P / self.ambient, 1e-6) ** self.power
+        return (squeezed * (self.gas + V - self.rest) - self.gas) / (squeezed - self.leak * self.gas)
+
+    def slopes(self, V: float, P: float) -> tuple[float, float]:
+        ratio = max(1 + P / self.ambient, 1e-6)
+        squeezed, lost = ratio**self.power, self.leak * self.gas
+        rate = self.power * squeezed / ratio / self.ambient
+        left = squeezed - lost
+        return squeezed / left, rate * self.gas * (1 - self.leak * (self.gas + V - self.rest)) / left**2
+
+    def line(self, V: float, P: float) -> Control:
+        """The curve's tangent at a state, as a direction, in units of `weight`."""
+        a, b = self.slopes(V, P)
+        return Control(self.weight * a, self.weight * b, 0.0)
+
+    @property
+    def weight(self) -> float:
+        """Factor that brings a stroke's error to the size of a pressure's or volume's, however much gas there is."""
+        return 1 / (1 + self.power * self.gas / self.ambient)
+
+    def at(self, target: float) -> Stroke:
+        return dataclasses.replace(self, target=target)

@@ -1,0 +1,234 @@
+"""``python -m softmodels.pictures.draw results/disk``: pictures, film and report of a folder of results.
+
+A program of its own, because VTK and DOLFINx each bring an HDF5 and one process does not bear both. The curves come
+first and need no rendering; a machine that cannot render still gets them, and the report with its 3-D view.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import matplotlib
+import numpy as np
+
+from measurement.folder_lock import InUseError
+from measurement.own_folder import PATIENCE, OwnFolderError
+from softmodels.case.case import Case, CaseError
+from softmodels.pictures.draw import film, hot_spots, plots, program_plots, report, sections, stills
+from softmodels.pictures.pages import STYLE, headline
+from softmodels.pictures.rendering import can_render
+from softmodels.pictures.views import Look, look
+from softmodels.results.cut_lines import axes_of, cut_line
+from softmodels.results.picture_files import picture_files, picture_folder
+from softmodels.results.store import ResultsError, replace, write_bytes
+from softmodels.results.stored import States
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NO_RENDERING = "this machine cannot render, so the pictures of the solid and the film are left out; the rest is drawn"
+
+
+class Folder:
+    """Where pictures go; remembers what was written."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.written: list[Path] = []
+
+    def save(self, name: str, figure: Figure, metadata: Mapping[str, str] | None = None) -> None:
+        """Write a figure as NAME.png, with texts in its header."""
+        texts = dict(metadata or {})
+        replace(self.path / f"{name}.png", lambda path: figure.savefig(path, format="png", metadata=texts))
+        self.written.append(self.path / f"{name}.png")
+
+
+def draw(folder: Path, name: str, say: Callable[[str], Any] = print) -> list[Path]:
+    """Draw all pictures of a folder of results into it, with its film and report; those of before are taken away.
+
+    Args:
+        folder: Results with their ``case.toml``.
+        name: Stem of the result files.
+        say: Gets a sentence if something had to be left out.
+
+    Returns:
+        The files written.
+
+    Raises:
+        ResultsError: No results, or none that can be read.
+        CaseError: No case file, or a wrong one.
+        OwnFolderError: Somebody else's file has the name of a picture.
+        InUseError: Another program has been drawing them for too long.
+        OSError: The folder cannot be written.
+    """
+    if not (folder / f"{name}.h5").exists():
+        raise ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")
+    own = picture_folder(folder)
+    own.take(PATIENCE)
+    try:
+        states = States(folder, name)
+        # Checked for all before any is taken away: somebody else's report must not cost the pictures of before.
+        own.check_names(picture_files(states.actuator.gauge))
+        own.remove(own.files)
+        own.claim(picture_files(states.actuator.gauge))
+        written = _draw(states, folder, name, say)
+        own.forget_unwritten()
+        return written
+    finally:
+        own.leave()
+
+
+def _draw(states: States, folder: Path, name: str, say: Callable[[str], Any]) -> list[Path]:
+    shown, out = look(states), Folder(folder)
+    with matplotlib.rc_context(STYLE):
+        _curves(states, out)
+        if states.actuator.dimension == 2:
+            _sections(states, out)
+        if can_render():
+            _solids(shown, out)
+            _film(shown, out, say)
+        else:
+            say(NO_RENDERING)
+        out.written.append(report.write(shown, folder, name))
+    return out.written
+
+
+def _curves(states: States, out: Folder) -> None:
+    actuator = states.actuator
+    if states.case.program:
+        out.save(actuator.gauge, program_plots.steps(states.rows, actuator.gauge))
+    else:
+        out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm, states.branch))
+    if states.case.gauges.plane:
+        out.save("profile", _cut_profile(states))
+        return
+    if not actuator.on_profile(states.points).any():
+        return
+    rest = plots.profile(states.points, np.zeros_like(states.points), actuator)
+    lines = {
+        step: plots.profile(states.points, states.field(step, "displacement"), actuator)
+        for step in plots.profile_steps(states.rows, actuator.gauge)
+    }
+    out.save("profile", plots.profiles(lines, rest, states.rows, actuator.axial, _plate(states)))
+
+
+def _cut_profile(states: States) -> Any:
+    """The outside along the plane that the case names."""
+    actuator, gauges = states.actuator, states.case.gauges
+    assert gauges.cut is not None
+    normal, at = gauges.cut
+
+    def line(displacement: Any) -> Any:
+        return cut_line(states.skin, states.points, displacement, normal, at, actuator.size)
+
+    steps = plots.profile_steps(states.rows, actuator.gauge)
+    lines = {step: line(states.field(step, "displacement")) for step in steps}
+    rest = line(np.zeros_like(states.points))
+    return plots.cut_profiles(lines, rest, states.rows, axes_of(normal, actuator.lift), gauges.plane)
+
+
+def _plate(states: States) -> float | None:
+    """Height in m of a rigid plane across the lift that stops the device; None if there is none or it stands otherwise."""
+    obstacle = states.case.obstacle
+    if obstacle is None or obstacle.on_cut:
+        return None
+    point, normal = obstacle.place(states.actuator)
+    return point[2] if abs(normal[2]) > 1 - 1e-12 else None
+
+
+def _sections(states: States, out: Folder) -> None:
+    """What an axisymmetric section shows best flat."""
+    step, gauge = states.main, states.actuator.gauge
+    points, moved, cells = states.points, states.moved(step), states.cells
+    out.save("mesh", sections.section_mesh(points, cells))
+    values = states.field(step, "von_mises_stress")
+    plate = _plate(states)
+    out.save("slice", sections.section_stress(points, moved, cells, values, states.rows[step], gauge, plate))
+    if (at := states.bifurcation) is not None:
+        out.save(
+            "mode",
+            sections.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], gauge),
+        )
+    stretch, limit, row = states.field(step, "largest_stretch"), hot_spots.hot_limit(states, step), states.rows[step]
+    texts = (f"{hot_spots.hot_title(limit)}", hot_spots.peak_text(states, step))
+    peak = hot_spots.peak_place(states, step)
+    out.save("hot-spots", sections.section_hot(moved, cells, stretch, limit, peak, *texts, row))
+
+
+def _solids(shown: Look, out: Folder) -> None:
+    """Rendered pictures of the solid."""
+    states = shown.states
+    rows, gauge = states.rows, states.actuator.gauge
+    out.save("undeformed", stills.undeformed(shown))
+    if states.actuator.dimension == 3:
+        out.save("mesh", stills.mesh(shown))
+        if len(states.skin.planes):
+            out.save("slice", stills.slice_stress(shown))
+        out.save("hot-spots", stills.hot_spots(shown))
+        if states.bifurcation is not None:
+            out.save("mode", stills.mode(shown, states.bifurcation))
+    images, camera, scale = stills.stress(shown)
+    texts = {
+        "Camera": camera.text,
+        "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}",
+        "Largest": f"{scale.largest:.4g} {scale.unit} {scale.defined}",
+    }
+    for k, (step, image) in enumerate(images, 1):
+        title = headline(rows[step], gauge)
+        out.save(f"stress-{k}", stills.page(image, title, scale), {**texts, "Title": title})
+    out.save("stress", stills.sheet(images, rows, scale), texts)
+    out.save("cut", stills.cut(shown))
+
+
+def _film(shown: Look, out: Folder, say: Callable[[str], Any]) -> None:
+    frames = film.frames(shown)
+    for name, encoded in (("film.gif", film.gif), ("film.webp", film.webp)):
+        write_bytes(out.path / name, encoded(frames))
+        out.written.append(out.path / name)
+    if film.can_mp4():
+        try:
+            film.write_mp4(out.path / "film.mp4", frames)
+            out.written.append(out.path / "film.mp4")
+        except RuntimeError as error:
+            say(str(error))
+
+
+def draw_folder(folder: Path, name: str | None = None) -> None:
+    """Draw a folder's pictures, film and report for a command: names the files, or says why not and exits with status 2.
+
+    Args:
+        folder: Results with their ``case.toml``.
+        name: Stem of the result files; None for the case's own name.
+    """
+    try:
+        if name is None:
+            if not (folder / "case.toml").exists():
+                raise ResultsError(f"{folder} holds no results (there is no case.toml in it)")
+            name = Case.from_file(folder / "case.toml").name
+        for path in draw(folder, name, lambda text: print(f"softmodels: {text}", file=sys.stderr)):
+            print(path)
+    except (ResultsError, CaseError, OwnFolderError, InUseError) as error:
+        print(f"softmodels: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        print(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", file=sys.stderr)
+        sys.exit(2)
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--name", help="Stem of the result files.  [default: the case's name]")
+def main(folder: Path, name: str | None) -> None:
+    """Draw the pictures, the film and the report of the results in FOLDER.
+
+    Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
+    """
+    draw_folder(folder, name)
+
+
+if __name__ == "__main__":
+    main()

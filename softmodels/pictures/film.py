@@ -1,0 +1,161 @@
+"""The film of a run: the device over its whole path, from one camera in one colour scale, with the pressure written in.
+
+A GIF, which everything plays, in 256 colours; an animated WebP, which every browser plays, in all of them and smaller, and
+which the report shows. An MP4 too where the package imageio-ffmpeg is there.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image as Picture
+from PIL import ImageDraw, ImageFont
+
+from softmodels.pictures.pages import Scale, load, number
+from softmodels.pictures.rendering import Image, studio
+from softmodels.pictures.views import Look
+from softmodels.results.columns import cavity_columns
+from softmodels.results.store import replace
+from softmodels.results.stored import States
+
+FRAMES = 40
+FEWER = (40, 32, 25, 19, 14, 10)
+"""Frames that are tried until the GIF is small enough: rather fewer of them than colours in bands."""
+WIDE = 960
+"""Width of a frame in pixels."""
+LARGEST = 6_000_000
+"""Of a GIF, in bytes."""
+QUALITY = 80
+"""Of the WebP: below, shading shows blocks."""
+SECONDS = 4.0
+"""From the first frame to the last, which then stands for a while."""
+STANDING = 1.2
+HEAD, FOOT = 48, 64
+"""Pixels above and below the device, for the pressure and the colours."""
+
+
+def frames(look: Look, count: int = FRAMES) -> list[Image]:
+    """Pictures of states evenly spaced along the path (see `States.along`); between steps, shapes go straight."""
+    states = look.states
+    steps = list(range(len(states.rows)))
+    spread = sorted({0, *states.shown(8), states.main, steps[-1]})
+    scale = look.scale(spread)
+    camera = look.camera(spread, WIDE, tallest=0.75)
+    count = count if states.loaded and len(steps) > 1 else 1
+    found = []
+    with studio(camera, samples=2) as shoot:
+        for place in np.linspace(0.0, 1.0, count):
+            position = float(np.interp(place, states.along, steps)) if count > 1 else float(steps[-1])
+            found.append(_captioned(shoot(look.coloured(position, scale)), _caption(states, position), scale))
+    return found
+
+
+def _caption(states: States, position: float) -> str:
+    gauge, first = states.actuator.gauge, states.rows[0]
+    names = [f"{gauge}_mm", *(["load_step"] if "load_step" in first else []), "pressure_cm"]
+    row = {
+        name: float(np.interp(position, range(len(states.rows)), [row[name] for row in states.rows]))
+        for name in [*names, *cavity_columns(first, "pressure", "cm")]
+    }
+    pressure = load(row) if "load_step" in row else f"{number(row['pressure_cm'])} cm of water"
+    return f"{pressure}   {gauge} rise {row[f'{gauge}_mm']:+.2f} mm"
+
+
+def _captioned(image: Image, text: str, scale: Scale) -> Image:
+    """A frame with its words above and its colours below."""
+    height, width, _ = image.shape
+    page = Picture.new("RGB", (width, 2 * ((height + HEAD + FOOT) // 2)), "white")
+    page.paste(Picture.fromarray(image), (0, HEAD))
+    pen, font = ImageDraw.Draw(page), ImageFont.load_default(28)
+    pen.text((width / 2, HEAD / 2), text, fill="#102a43", font=font, anchor="mm")
+    colours = (scale.colours(np.linspace(0, 1, width // 3))[:, :3] * 255).astype(np.uint8)
+    top = page.height - FOOT + 26
+    left = (width - len(colours)) // 2
+    page.paste(Picture.fromarray(np.repeat(colours[None], 18, axis=0)), (left, top))
+    middle, small = top + 9, ImageFont.load_default(22)
+    pen.text((left - 12, middle), f"{scale.low:g}", fill="#102a43", font=small, anchor="rm")
+    end = f"{scale.top:.3g} {scale.unit} and more".replace("  ", " ")
+    pen.text((left + len(colours) + 12, middle), end, fill="#102a43", font=small, anchor="lm")
+    return np.asarray(page)
+
+
+def gif(images: list[Image]) -> bytes:
+    """Frames as a GIF of at most `LARGEST` bytes; frames are left out if it must be."""
+    for count in FEWER:
+        chosen = [
+            images[k] for k in np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int))
+        ]
+        data = _gif(chosen)
+        if len(data) <= LARGEST:
+            break
+    return data
+
+
+def _gif(images: list[Image]) -> bytes:
+    # One palette for all, from all: colours then do not flicker.
+    sample = np.concatenate([image[::2, ::2] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
+    palette = Picture.fromarray(sample).quantize(256, Picture.Quantize.MAXCOVERAGE)
+    pages = [
+        Picture.fromarray(image).quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG) for image in images
+    ]
+    stream = io.BytesIO()
+    pages[0].save(stream, "GIF", save_all=True, append_images=pages[1:], duration=_times(pages), loop=0, optimize=False)
+    return stream.getvalue()
+
+
+def webp(images: list[Image]) -> bytes:
+    """Frames as an animated WebP, in all their colours."""
+    pages = [Picture.fromarray(image) for image in images]
+    stream = io.BytesIO()
+    pages[0].save(
+        stream,
+        "WEBP",
+        save_all=True,
+        append_images=pages[1:],
+        duration=_times(pages),
+        loop=0,
+        quality=QUALITY,
+        method=2,
+    )
+    return stream.getvalue()
+
+
+def _times(pages: Sequence[object]) -> list[int]:
+    """How long each frame stands, in ms."""
+    return [round(1000 * SECONDS / max(len(pages), 1))] * (len(pages) - 1) + [round(1000 * STANDING)]
+
+
+def can_mp4() -> bool:
+    """Whether an encoder is there."""
+    return importlib.util.find_spec("imageio_ffmpeg") is not None
+
+
+def write_mp4(path: Path, images: list[Image]) -> None:
+    """Write frames as an H.264 film that every browser plays.
+
+    Raises:
+        RuntimeError: The encoder failed.
+    """
+    import imageio_ffmpeg
+
+    height, width, _ = images[0].shape
+
+    def fill(aside: Path) -> None:
+        rate = max(len(images) / SECONDS, 1.0)
+        writer = imageio_ffmpeg.write_frames(
+            str(aside), (width, height), fps=rate, codec="libx264", quality=7, macro_block_size=2,
+            output_params=["-f", "mp4", "-movflags", "+faststart"],
+        )  # fmt: skip
+        writer.send(None)
+        for image in [*images, *[images[-1]] * round(rate * STANDING)]:
+            writer.send(np.ascontiguousarray(image))
+        writer.close()
+
+    try:
+        replace(path, fill)
+    except (OSError, StopIteration) as error:
+        raise RuntimeError(f"the film could not be encoded ({error})") from error

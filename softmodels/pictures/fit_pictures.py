@@ -1,0 +1,205 @@
+"""Pictures of a fit and the page that holds them."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from measurement.page_style import RULES, VIEWPORT, wide
+from measurement.plain_text import plain
+from softmodels.fitting.tables import (
+    Fitted,
+    Report,
+    correlation_rows,
+    other_convention,
+    parameter_rows,
+    residual_rows,
+    shown,
+)
+from softmodels.materials.specimens import respond
+from softmodels.pictures.pages import DPI, FAINT, INK, STYLE, WARNING, WIDTH
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
+STYLES = ("-", "--", "-.", ":")
+NAMES = {"uniaxial": "uniaxial tension", "planar": "pure shear", "equibiaxial": "equibiaxial tension"}
+BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
+PROFILE_COLUMNS = 3
+
+
+def line(i: int) -> dict[str, Any]:
+    """Colour and dashes of the i-th law."""
+    return {"color": COLOURS[i % len(COLOURS)], "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.8}
+
+
+def draw_curves(report: Report) -> Figure:
+    """Measured and fitted nominal stress, one panel per test."""
+    figure, panels = _panels(len(report.curves), 4.6)
+    for axes, curve in zip(panels, report.curves, strict=True):
+        axes.plot(curve.stretch, curve.stress / 1e3, "o", ms=4, mfc="none", mec=INK, mew=0.8, label="measured")
+        stretch = np.linspace(min(curve.stretch[0], 1.0), curve.stretch[-1], 300)
+        for i, one in enumerate(report.laws):
+            gauge = _gauge(one, report, curve)
+            stress = gauge * respond(one.material, stretch, curve.mode).stress
+            axes.plot(stretch, stress / 1e3, label=one.choice.name, **line(i))
+        names = BOTH if curve.stretch[0] < 0.99 else NAMES
+        axes.set_title(f"{names[curve.mode]}\n{plain(curve.name)}")
+        axes.set_xlabel("stretch")
+        axes.set_ylabel("nominal stress (kPa)")
+        measured = curve.stress / 1e3
+        room = 0.08 * float(np.ptp(measured))
+        axes.set_ylim(float(measured.min()) - room, float(measured.max()) + 2 * room)
+    panels[0].legend(loc="upper left")
+    return figure
+
+
+def _gauge(one: Fitted, report: Report, curve: Any) -> float:
+    number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
+    return one.fit.values.get(f"gauge{number}", 1.0)
+
+
+def draw_residuals(report: Report) -> Figure:
+    """Fitted less measured nominal stress, one panel per test."""
+    figure, panels = _panels(len(report.curves), 4.0)
+    for axes, curve in zip(panels, report.curves, strict=True):
+        axes.axhline(0.0, color=FAINT, linewidth=1.0)
+        for i, one in enumerate(report.laws):
+            stress = _gauge(one, report, curve) * respond(one.material, curve.stretch, curve.mode).stress
+            axes.plot(curve.stretch, (stress - curve.stress) / 1e3, label=one.choice.name, marker=".", ms=4, **line(i))
+        axes.set_title(plain(curve.name))
+        axes.set_xlabel("stretch")
+        axes.set_ylabel("fitted less measured (kPa)")
+        # A law that fits badly must not flatten the others' residuals to a line.
+        sizes = [np.abs(lines.get_ydata()).max() for lines in axes.lines[1:]]
+        reach = 1.15 * min(max(sizes), 8 * min(sizes))
+        if max(sizes) * 1.15 > reach:
+            axes.set_ylim(-reach, reach)
+            axes.set_title(f"{plain(curve.name)}\n(the worst laws leave the picture)")
+    panels[0].legend(loc="best")
+    return figure
+
+
+def draw_profiles(one: Fitted) -> Figure:
+    """Rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic it should be."""
+    rows = -(-len(one.profiles) // PROFILE_COLUMNS)
+    columns = min(len(one.profiles), PROFILE_COLUMNS)
+    figure = Figure((WIDTH, 3.6 * rows + 0.3), dpi=DPI, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, profile in zip(grid, one.profiles.values(), strict=False):
+        best = one.fit.values[profile.name]
+        _, unit = shown(best, profile.unit)
+        factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
+        axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=COLOURS[0], label="profile")
+        error = one.fit.error(profile.name)
+        if np.isfinite(error) and error > 0.0:
+            axes.plot(
+                profile.values * factor, ((profile.values - best) / error) ** 2, ":", color=FAINT, label="quadratic"
+            )
+        axes.axhline(profile.limit, color=WARNING, linewidth=1.2, label="95 %")
+        axes.set_ylim(-0.05 * profile.limit, 2.5 * profile.limit)
+        axes.set_xlabel(f"{profile.name} ({unit})" if unit else profile.name)
+        axes.set_ylabel("rise of the deviance")
+        axes.tick_params(axis="x", labelrotation=25)
+        if profile.values[0] > 0.0 and profile.values[-1] > 50 * profile.values[0]:
+            axes.set_xscale("log")
+    for axes in grid[len(one.profiles) :]:
+        axes.set_visible(False)
+    grid[0].legend(loc="upper center", fontsize=9)
+    figure.suptitle(f"{one.choice.name}: profile likelihoods")
+    return figure
+
+
+def _panels(count: int, height: float) -> tuple[Figure, Sequence[Axes]]:
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    figure = Figure((WIDTH if columns > 1 else 0.75 * WIDTH, height * rows), dpi=DPI, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.set_visible(False)
+    return figure, list(grid[:count])
+
+
+def pictures(report: Report) -> dict[str, bytes]:
+    """All pictures as PNG, by file name."""
+    with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
+        figures = {}
+        if report.curves:
+            figures = {"curves.png": draw_curves(report), "residuals.png": draw_residuals(report)}
+        figures |= report.own_pictures()
+        for one in report.laws:
+            if one.profiles:
+                figures[f"profiles-{one.choice.name}.png"] = draw_profiles(one)
+        return {name: as_png(figure) for name, figure in figures.items()}
+
+
+def as_png(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png")
+    return stream.getvalue()
+
+
+PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8">{viewport}<title>Fitted material</title><style>
+body{{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#102a43}}
+table{{border-collapse:collapse;margin:.6em 0}}td,th{{padding:.15em .9em;border-bottom:1px solid #d9e2ec;text-align:right}}
+td:first-child,th:first-child{{text-align:left}}img{{max-width:100%}}.w{{color:#c0392b}}
+{style}</style></head><body>
+{body}
+</body></html>
+"""
+
+
+def page(report: Report, images: dict[str, bytes]) -> str:
+    """The report as one self-contained page."""
+    parts = ["<h1>Fitted material</h1>", f"<p><b>{html.escape(report.verdict)}.</b></p>"]
+    if not report.chosen.sound:
+        parts.append(f"<p class=w><b>Not sound: {html.escape(report.chosen.warnings[0])}.</b></p>")
+    parts.append(_list(report.apart.sentences, "w") if report.apart else "")
+    parts.append(_list([*report.ranges, report.how]))
+    if len(report.laws) > 1:
+        rows = [
+            (r.fit.label, str(len(r.fit.free)), f"+{r.aicc:.4g}", f"{r.bic:+.4g}") for r in report.comparison.ranked
+        ]
+        parts.append(_table(("law", "parameters", "AICc", "BIC"), rows))
+    parts += [_image(name, images) for name in images if not name.startswith("profiles-")]
+    for one in report.laws:
+        modulus, unit = shown(one.material.shear_modulus_0, "Pa")
+        parts.append(f"<h2>{one.choice.name}</h2><p>Shear modulus at small strain {modulus} {unit}.</p>")
+        parts.append(_table(("parameter", "value", "unit", "95 % interval"), parameter_rows(one)))
+        if correlations := correlation_rows(one):
+            width = max(map(len, correlations))
+            heads = ["correlation", *(p.name for p in one.fit.free[: width - 1])]
+            parts.append(_table(heads, [[*row, *[""] * (width - len(row))] for row in correlations]))
+        parts.append(_table(("residuals", "rms", "mean", "largest", "keep together over"), residual_rows(one)))
+        parts.append(_list(one.warnings, "w"))
+        said = (other_convention(one), *one.judgement.notes, *one.fit.unseen, *one.verdict.notes)
+        parts.append(_list([text for text in said if text]))
+        parts.append(_image(f"profiles-{one.choice.name}.png", images))
+    return PAGE.format(viewport=VIEWPORT, style=RULES, body="\n".join(part for part in parts if part))
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = ["<tr>" + "".join(f"<th>{html.escape(cell)}</th>" for cell in head) + "</tr>"]
+    lines += ["<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows]
+    return wide(f"<table>{''.join(lines)}</table>")
+
+
+def _list(texts: Sequence[str], style: str = "") -> str:
+    mark = f" class={style}" if style else ""
+    return f"<ul{mark}>{''.join(f'<li>{html.escape(text)}</li>' for text in texts)}</ul>" if texts else ""
+
+
+def _image(name: str, images: dict[str, bytes]) -> str:
+    if name not in images:
+        return ""
+    data = base64.b64encode(images[name]).decode()
+    return f'<img alt="{html.escape(name)}" src="data:image/png;base64,{data}">'

@@ -1,0 +1,153 @@
+"""The page around a picture: its size and style, its title in words and units, the colours of a field and their bar.
+
+Figures are made without pyplot, so that nothing global is touched and no display is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, PowerNorm
+from matplotlib.figure import Figure
+
+from softmodels.results.columns import cavity_columns
+
+Array = npt.NDArray[np.float64]
+Row = Mapping[str, Any]
+
+DPI = 160
+WIDTH = 10.0
+"""Width of every page in inches: 1600 pixels."""
+
+COLOURS = "Spectral_r"
+LINES = "viridis"
+SOLID = "#d9e2ec"
+STYLE: Any = {
+    "font.size": 12,
+    "axes.titlesize": 13,
+    "legend.fontsize": 11,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "lines.linewidth": 2.0,
+}
+INK, EDGE, FAINT = "#102a43", "#334e68", "#829ab1"
+CURVE, WARNING, BRANCH = "#2f6f9f", "#c0392b", "#b7791f"
+
+
+def number(value: float) -> str:
+    """A value for a label: at most one decimal, none if it is round."""
+    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
+
+
+def load(row: Row) -> str:
+    """What a state is under, in words and units: its pressure, or where it is in a program and every cavity's pressure."""
+    if "load_step" not in row:
+        return f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
+    step = f"step {row['load_step']:.3g}"
+    each = cavity_columns(row, "pressure", "cm")
+    return f"{step}: {' and '.join(number(row[name]) for name in each)} cm of water"
+
+
+def headline(row: Row, gauge: str) -> str:
+    """What a state is, in words and units."""
+    return f"{load(row)}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
+
+
+def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:
+    """A rendered image under its title, with the colour bar below if it shows a field."""
+    head, foot = 0.55 + 0.3 * bool(note), 0.0 if scale is None else FOOT
+    height = image.shape[0] / DPI
+    figure = Figure((WIDTH, head + height + foot), dpi=DPI)
+    whole = head + height + foot
+    axes = figure.add_axes((0.0, foot / whole, 1.0, height / whole))
+    axes.imshow(image)
+    axes.set_axis_off()
+    figure.text(0.5, 1 - 0.28 / whole, title, ha="center", va="center", fontsize=13)
+    figure.text(0.5, 1 - 0.6 / whole, note, ha="center", va="center", fontsize=11, color=WARNING)
+    if scale is not None:
+        scale.bar(figure)
+    return figure
+
+
+class Scale:
+    """The colours of a field, from its least value at rest up to nearly its largest.
+
+    Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore
+    ends where, in the state that has most, a two-hundredth of the nodes lies above it; the bar says so. The largest value
+    that it tells is the one of ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
+
+    Args:
+        values: Nodal values of the states that are shown, SI units, shape (n,) or (states, n).
+        field: Name of the field, one of `SHOWN`.
+        where: Words for where the values were taken, such as "outside"; empty for everywhere.
+        rows: Rows of ``path.csv`` of the states that are shown, for the largest value.
+    """
+
+    def __init__(self, values: Array, field: str = "von_mises_stress", where: str = "", rows: Sequence[Row] = ()):
+        self.what, self.unit, self.factor, self.low, column = SHOWN[field]
+        self.field, self.where = field, where
+        told = [float(row[column]) for row in rows if column in row]
+        self.largest = max(told) if told else float(values.max()) * self.factor
+        self.defined = "at an integration point" if told else "at a node"
+        self.top = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
+        if not self.top > self.low:
+            self.top = max(self.largest, self.low + 1.0)
+        self.power = POWERS[field]
+        self.colours = matplotlib.colormaps[COLOURS]
+
+    @property
+    def norm(self) -> Normalize:
+        """From a value in the bar's unit to its place along the colours, 0 to 1."""
+        return (
+            PowerNorm(self.power, self.low, self.top, clip=True) if self.power != 1.0 else Normalize(self.low, self.top)
+        )
+
+    def share(self, values: Array) -> Array:
+        """Places along the colours, 0 to 1, of values in SI units; any shape."""
+        return np.clip((values * self.factor - self.low) / (self.top - self.low), 0.0, 1.0) ** self.power
+
+    def ticks(self) -> list[float]:
+        """Values of the bar's unit to write below colours that are not spread evenly: 1, 2 and 5 times powers of ten."""
+        high = math.floor(math.log10(self.top))
+        series = [k * 10.0**n for n in range(high, high - 4, -1) for k in (5, 2, 1) if k * 10.0**n <= self.top]
+        chosen, before = [], 1.15
+        for value in series:
+            place = float(self.norm(value))
+            if 0.08 < place < before - 0.09:
+                chosen.append(value)
+                before = place
+        return [self.low, *chosen[::-1]]
+
+    def bar(self, figure: Figure) -> None:
+        """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more."""
+        whole = figure.get_figheight()
+        axes = figure.add_axes((0.2, 0.82 / whole, 0.6, 0.18 / whole))
+        unit = (f" in {self.unit}" if self.unit else "") + (f", {self.where}" if self.where else "")
+        largest = f"{self.largest:.4g} {self.unit}".strip()
+        anywhere = " in the whole device" if self.where else ""
+        note = f"{CLIPPED:g} % of the nodes lie within the colours; largest{anywhere}, {self.defined}: {largest}"
+        scale = ScalarMappable(self.norm, self.colours)
+        extend = "max" if self.largest > self.top else "neither"
+        bar = figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit}")
+        if self.power != 1.0:
+            bar.set_ticks(self.ticks())
+        figure.text(0.5, 0.14 / whole, note, ha="center", fontsize=10.5, color=EDGE)
+
+
+POWERS = {"von_mises_stress": 0.5, "largest_stretch": 1.0}
+"""How colours follow a field: stress by its square root, or all but a few corners and the last state would be dark."""
+FOOT = 1.15
+"""Inches below a picture for the bar of its colours and what is said of it."""
+CLIPPED = 99.5
+"""Percentile of the nodal values at which the colours end."""
+SHOWN = {
+    "von_mises_stress": ("von Mises stress", "kPa", 1e-3, 0.0, "max_von_mises_kPa"),
+    "largest_stretch": ("largest stretch", "", 1.0, 1.0, "max_stretch"),
+}
+"""Fields that have colours: name in words, unit, factor from SI to it, value at rest, column of its largest value."""

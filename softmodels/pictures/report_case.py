@@ -1,0 +1,81 @@
+"""The case of a report: device, material, load and solver as tables with units."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+from typing import Any
+
+from geometries import table as geometry_table
+from measurement.units import readable
+from softmodels.case.case import material_table, supply_table
+from softmodels.results.stored import States
+
+
+def case_tables(states: States) -> str:
+    """All tables of a case, as HTML."""
+    return _device(states) + _material(states) + _load(states)
+
+
+def _device(states: States) -> str:
+    device = states.actuator
+    table = geometry_table.to_table(device, readable)
+    texts = {field.name: field.metadata["help"] for field in dataclasses.fields(device)}
+    rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "device"]
+    return _parameters(f"Device: {type(device).__name__}", rows)
+
+
+def _material(states: States) -> str:
+    material = states.case.material
+    table = material_table.to_table(material, readable)
+    texts = {field.name: field.metadata["help"] for field in dataclasses.fields(material)}
+    rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "law"]
+    initial = f"{material.shear_modulus_0 / 1e3:.4g} kPa"
+    return _parameters(
+        f"Material: {material.name}", [*rows, ("initial shear modulus", initial, "of all terms together")]
+    )
+
+
+def _load(states: States) -> str:
+    case = states.case
+    asked = [
+        ({"pressure": "pressures", "volume": "added volumes"}.get(case.quantity, "strokes"), case.values, case.unit)
+    ]
+    if case.program:
+        asked = [
+            (f"cavity{i}", series.values, f"{series.unit}{' added' if series.is_volume else ''}")
+            for i, series in enumerate(case.program, 1)
+        ]
+    rows = [
+        *(
+            (what, ", ".join(f"{value:g}" for value in values) + f" {unit}", "requested")
+            for what, values, unit in asked
+        ),
+        ("water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa"),
+        ("control", case.control, "what the path follows"),
+        ("formulation", case.formulation, "unknowns of the equations"),
+    ]
+    if case.sheet is not None:
+        rows.append(("sheet", f"{case.sheet.face}, {case.sheet.stiffness:g} N/m", "bonded thin sheet"))
+    if case.obstacle is not None:
+        rows.append(("contact", f"{case.obstacle.faces} on {case.obstacle.plane}", "rigid plane without friction"))
+        unit = "shear moduli of pressure per sinking in by one size of the device"
+        rows.append(("contact stiffness", f"{case.obstacle.stiffness:g}", unit))
+    if case.supply is not None:
+        table = supply_table.to_table(case.supply, readable)
+        rows += [(name, value, supply_table.MEANINGS[name]) for name, value in table.items() if name != "kind"]
+    return _parameters("Load and solver", rows)
+
+
+def _parameters(title: str, rows: list[tuple[str, Any, str]]) -> str:
+    def text(value: Any) -> str:
+        if isinstance(value, list | tuple):
+            return ", ".join(map(text, value))
+        return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+    lines = "".join(
+        f"<tr><th>{html.escape(name.replace('_', ' '))}</th><td>{html.escape(text(value))}</td>"
+        f"<td>{html.escape(words)}</td></tr>"
+        for name, value, words in rows
+    )
+    return f'<h3>{html.escape(title)}</h3><div class="wide"><table>{lines}</table></div>'

@@ -1,0 +1,155 @@
+"""The places of the surface that named points are followed at, on any number of ranks."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries.actuator import Vector
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.case.gauges import GaugeError, Gauges
+from softmodels.results.grid import Grid
+from softmodels.mechanics.mpi import largest, total
+
+Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+SAME = 1e-9
+"""Lengths below this share of the device's size are none."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Followed:
+    """A place of the surface, in a facet.
+
+    Attributes:
+        nodes: Local nodes of the facet, ghosts too, shape (k,); empty on ranks that do not have it.
+        weights: What their values count there, shape (k,), so that the sum over all ranks is the value.
+        place: Undeformed, in device coordinates, m.
+        away: Distance in m from the point that was named.
+    """
+
+    nodes: Nodes
+    weights: Array
+    place: Vector
+    away: float
+
+
+def followed_points(equilibrium: Equilibrium, grid: Grid, gauges: Gauges) -> dict[str, Followed]:
+    """The places of the surface, the cavities' walls too, that are nearest to the named points.
+
+    Raises:
+        GaugeError: One is farther from the surface than a cell is large.
+    """
+    if not gauges.points:
+        return {}
+    facets = _surface(equilibrium, grid)
+    here = grid.space.tabulate_dof_coordinates()[facets.ravel()] * equilibrium.length_unit
+    places = equilibrium.body.actuator.device_points(here) if len(here) else np.empty((0, 3))
+    corners = places.reshape(*facets.shape, 3)
+    return {
+        name: _nearest(equilibrium, name, np.asarray(wanted), facets, corners) for name, wanted in gauges.places.items()
+    }
+
+
+def _surface(equilibrium: Equilibrium, grid: Grid) -> Nodes:
+    """Local nodes of the facets that bound the silicone but for cut planes, shape (m, 6), or (m, 3) of a section.
+
+    The corners come first, then the middles of the edges, each opposite to its corner.
+    """
+    from dolfinx.mesh import compute_midpoints, exterior_facet_indices
+
+    body = equilibrium.body
+    topology = body.mesh.topology
+    dim = topology.dim
+    topology.create_connectivity(dim - 1, dim)
+    topology.create_connectivity(dim, dim - 1)
+    planes = {plane.name for plane in body.actuator.cut_planes}
+    cut = [facets for role, (_, facets) in body.entities.items() if role in planes]
+    outer = np.setdiff1d(exterior_facet_indices(topology), np.concatenate(cut) if cut else np.empty(0, dtype=np.int32))
+    if dim == 2:  # a section's axis is no surface
+        outer = outer[compute_midpoints(body.mesh, 1, outer.astype(np.int32))[:, 0] > SAME]
+    cells_of, facets_of = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
+    layout = grid.space.dofmap.dof_layout
+    found = np.empty((len(outer), 3 * (dim - 1)), dtype=np.int64)
+    for row, facet in enumerate(outer):
+        cell = cells_of.links(facet)[0]
+        number = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
+        found[row] = grid.space.dofmap.cell_dofs(cell)[sorted(layout.entity_closure_dofs(dim - 1, number))]
+    return found
+
+
+def _nearest(equilibrium: Equilibrium, name: str, wanted: Array, facets: Nodes, places: Array) -> Followed:
+    """The nearest place of facets whose nodes are at places (m, k, 3)."""
+    comm, unit = equilibrium.comm, equilibrium.length_unit
+    share = _weights(_barycentric(places, wanted)) if len(places) else np.empty((0, 1))
+    found = np.einsum("mk,mki->mi", share, places)
+    distance = np.linalg.norm(found - wanted, axis=1)
+    away = -largest(comm, -float(distance.min()) if len(distance) else -math.inf)
+    # Of equally near ones the first in order of x, y, z: no rank decides.
+    near = np.flatnonzero(distance <= away + SAME * unit)
+    place = []
+    for axis in range(3):
+        least = -largest(comm, -float(found[near, axis].min()) if len(near) else -math.inf)
+        near = near[found[near, axis] <= least + SAME * unit]
+        place.append(least if abs(least) > SAME * unit else 0.0)
+    holders = total(comm, float(bool(len(near))))  # a place on an edge between ranks is known to several
+    edge = places[near, 0] - places[near, 1] if len(near) else np.zeros((0, 3))
+    size = largest(comm, float(np.linalg.norm(edge, axis=1).max()) if len(near) else -math.inf)
+    if away > size:
+        told = ", ".join(f"{1e3 * value:.5g}" for value in place)
+        raise GaugeError(
+            f"point {name} lies {away * 1e3:.4g} mm off the surface, whose nearest place is {told} mm, and cells are "
+            f"{size * 1e3:.3g} mm large there; name a place on the surface of the part as it is modelled"
+        )
+    first = near[:1]
+    return Followed(facets[first].ravel(), share[first].ravel() / holders, (place[0], place[1], place[2]), away)
+
+
+def _weights(barycentric: Array) -> Array:
+    """Second-order shape functions at barycentric coordinates (m, c): corners, then the edges opposite to them."""
+    corners = barycentric * (2 * barycentric - 1)
+    if barycentric.shape[1] == 2:
+        return np.column_stack([corners, 4 * barycentric.prod(axis=1)])
+    a, b, c = barycentric.T
+    return np.column_stack([corners, 4 * b * c, 4 * a * c, 4 * a * b])
+
+
+def _barycentric(places: Array, wanted: Array) -> Array:
+    """Barycentric coordinates (m, c) of the places in straight facets that are nearest to a point.
+
+    Args:
+        places: Nodes of the facets, corners first, shape (m, 6, 3) or (m, 3, 3).
+        wanted: The point, shape (3,).
+    """
+    if places.shape[1] == 3:
+        return _on_edge(places[:, 0], places[:, 1], wanted)
+    a, b, c = (places[:, i] for i in range(3))
+    E = np.stack([b - a, c - a], axis=2)
+    inner = np.einsum("mij,mi->mj", np.linalg.pinv(E).transpose(0, 2, 1), wanted - a)
+    found = np.column_stack([1 - inner.sum(axis=1), inner])
+    for i, (j, k) in enumerate(((1, 2), (0, 2), (0, 1))):
+        outside = found[:, i] < 0.0
+        if outside.any():  # the nearest edge of all three is the nearest place
+            edge = np.zeros((int(outside.sum()), 3))
+            edge[:, [j, k]] = _on_edge(places[outside, j], places[outside, k], wanted)
+            found[outside] = np.where(
+                _closer(places[outside], edge, found[outside], wanted)[:, None], edge, found[outside]
+            )
+    return found
+
+
+def _closer(places: Array, one: Array, two: Array, wanted: Array) -> npt.NDArray[np.bool_]:
+    """Whether the first barycentric coordinates are inside and nearer than the second, or those are outside."""
+    away = [np.linalg.norm(np.einsum("mi,mij->mj", at, places[:, :3]) - wanted, axis=1) for at in (one, two)]
+    return (two.min(axis=1) < 0.0) | (away[0] < away[1])
+
+
+def _on_edge(a: Array, b: Array, wanted: Array) -> Array:
+    """Barycentric coordinates (m, 2) of the places on straight edges that are nearest to a point."""
+    along = b - a
+    t = np.clip(((wanted - a) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.column_stack([1 - t, t])

@@ -1,0 +1,113 @@
+"""The nodes and cells that results are written on: the second-order grid, whole, on rank 0.
+
+Nodes are sorted by position and cells by their number in the mesh file, so that files do not depend on the number of ranks.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.mpi import gathered
+
+CELL_NAMES = {2: "Triangle_6", 3: "Tetrahedron_10"}
+
+
+class Grid:
+    """Nodes and cells of an equilibrium's displacement.
+
+    Attributes:
+        points: Device coordinates in m, shape (n, 3); on rank 0, elsewhere empty.
+        cells: Node numbers in VTK's order, shape (c, 6 or 10); on rank 0, elsewhere empty.
+        cell_name: XDMF's name of the cells.
+    """
+
+    def __init__(self, equilibrium: Equilibrium):
+        from dolfinx import fem, plot
+
+        body = equilibrium.body
+        self.comm, self.mixed = equilibrium.comm, equilibrium.mixed
+        self.dimension = body.actuator.dimension
+        self.cell_name = CELL_NAMES[self.dimension]
+        self.space = fem.functionspace(body.mesh, ("P", 2))
+        index_map = self.space.dofmap.index_map
+        self.owned = index_map.size_local
+        here = self.space.tabulate_dof_coordinates()[: self.owned] * equilibrium.length_unit
+        everywhere = gathered(self.comm, body.actuator.device_points(here))
+        local_cells = plot.vtk_mesh(self.space)[0].reshape(len(equilibrium.cells), -1)[:, 1:]
+        cells = gathered(
+            self.comm, index_map.local_to_global(local_cells.ravel().astype(np.int32)).reshape(local_cells.shape)
+        )
+        numbers = gathered(self.comm, body.mesh.topology.original_cell_index[: len(equilibrium.cells)])
+        if everywhere is None:
+            self.points, self.cells, self.order = (
+                np.empty((0, 3)),
+                np.empty((0, 0), dtype=np.int64),
+                np.empty(0, dtype=int),
+            )
+            return
+        # Rounded, so that two ranks' last digits cannot swap neighbours; off the round numbers that meshes like.
+        rounded = np.floor(everywhere / equilibrium.length_unit * 1e8 + 0.4142)
+        self.order = np.lexsort(rounded.T[::-1])
+        self.points = everywhere[self.order]
+        rank_of = np.empty(len(self.order), dtype=np.int64)
+        rank_of[self.order] = np.arange(len(self.order))
+        self.cells = rank_of[cells][np.argsort(numbers)]
+
+    def collect(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
+        """Nodal values of owned nodes, shape (owned, ...), as one array in the grid's order on rank 0; None elsewhere."""
+        everywhere = gathered(self.comm, values)
+        return None if everywhere is None else everywhere[self.order]
+
+    def distribute(self, values: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+        """The reverse of `collect`: owned nodes' values from the whole array on rank 0."""
+        from softmodels.mechanics.mpi import scattered
+
+        back = None
+        if values is not None:
+            back = np.empty_like(values)
+            back[self.order] = values
+        return scattered(self.comm, back, self.owned)
+
+
+def displacement_maps(
+    equilibrium: Equilibrium, grid: Grid
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:
+    """Where a state's entries sit on the grid.
+
+    Returns:
+        Indices into ``State.w`` of the skew components at each local node, shape (local nodes, d); and indices of p at
+        each local node, -1 where p has no dof (mid-edge nodes), or None in the displacement formulation.
+    """
+    d = grid.dimension
+    space = equilibrium.space
+    if not equilibrium.mixed:
+        nodes = _matched(grid, space.tabulate_dof_coordinates())
+        found = np.empty((len(nodes), d), dtype=np.int32)
+        found[nodes] = d * np.arange(len(nodes))[:, None] + np.arange(d)
+        return found, None
+    columns = []
+    for component in range(d):
+        sub, blocks = space.sub(0).sub(component).collapse()
+        parents = np.concatenate(blocks)
+        column = np.empty(len(parents), dtype=np.int32)
+        column[_matched(grid, sub.tabulate_dof_coordinates())] = parents
+        columns.append(column)
+    sub, blocks = space.sub(1).collapse()
+    parents = np.concatenate(blocks)
+    pressures = np.full(len(columns[0]), -1, dtype=np.int32)
+    pressures[_matched(grid, sub.tabulate_dof_coordinates())] = parents
+    return np.column_stack(columns), pressures
+
+
+def _matched(grid: Grid, points: Any) -> npt.NDArray[np.int64]:
+    """For each point, the local node of the grid at the same place."""
+    from scipy.spatial import KDTree
+
+    distance, nodes = KDTree(grid.space.tabulate_dof_coordinates()).query(points)
+    if len(distance) and distance.max() > 1e-9:
+        raise RuntimeError("the results' nodes are not where the unknowns are")
+    return nodes

@@ -1,0 +1,62 @@
+"""The limit of a named silicone at both ends of what its sources say."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from softmodels.results.limits import Limit
+from softmodels.materials.laws import Material
+from softmodels.materials.spread import ends, full_name, product_of, spread_sentence
+from softmodels.materials.silicones import PRODUCTS, SILICONES, named
+
+
+def with_ends(materials: Mapping[str, Material]) -> tuple[dict[str, Material], dict[str, tuple[str, ...]]]:
+    """Materials with the softest and the stiffest source of each silicone that stands for its product.
+
+    Args:
+        materials: By name as asked for; silicones that are named with their source stay alone.
+
+    Returns:
+        All materials by name, and by product the names that its band is made of; empty for a product of one source.
+    """
+    every: dict[str, Material] = dict(materials)
+    bands: dict[str, tuple[str, ...]] = {}
+    for name, material in materials.items():
+        known = named(material)
+        if known is None or known not in PRODUCTS or "/" in name:
+            continue
+        product = product_of(known)
+        band = []
+        for one in ends(product) or ():
+            label = name if one is SILICONES[product] else full_name(product, one)
+            every.setdefault(label, _like(one.material, material))
+            band.append(label)
+        bands[product] = tuple(band)
+    return every, bands
+
+
+def _like(source: Material, asked: Material) -> Material:
+    """A source with the Poisson's ratio that was asked for."""
+    return dataclasses.replace(source, poisson=asked.poisson)  # type: ignore[call-arg]
+
+
+def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit], cm: float) -> list[str]:
+    """Both ends of the limit of each named silicone, as sentences; how far other products scatter, where it has one source."""
+    texts = []
+    for product, names in bands.items():
+        if not names:
+            texts.append(f"note: {spread_sentence(product)}")
+            continue
+        found = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
+        low, high = (
+            f"{one.pressure / cm:.4g} cm ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})" for one, name in found
+        )
+        texts.append(
+            f"{product} between its softest and stiffest source: {low} to {high}; see softmodels silicones {product}"
+        )
+    return texts
+
+
+def _what(found: Limit, name: str) -> str:
+    return name if found.found else f"{name}, no limit met up to there"

@@ -1,0 +1,238 @@
+"""The limit of a design: the first pressure at which it loses its stability, and where it is strained most there.
+
+Asked of many designs at once, for a list of materials or for the scatter of a workshop, so nothing is written on the way.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator, GeometryError
+from measurement.units import UnitError, brief, number, quantity
+from softmodels.case.case import STIFFNESS_RANGE, CaseError
+from softmodels.mechanics.compiling import compiling
+from softmodels.materials.laws import Material
+from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.sheet import Sheet
+
+LONGEST_TEXT = 300
+"""Characters of the longest tolerance: patterns take long over texts without end."""
+LARGEST_STRETCH = 5.0
+"""Stretch at which the search ends if nothing is met: silicones fail at 3 to 10, and their laws are mostly fitted to less."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """How far a design can be inflated; SI units.
+
+    Attributes:
+        kind: ``"limit"`` (the pressure has a maximum), ``"bifurcation"`` (it leaves its shape before that), ``"none"`` (the
+            stretch of `LARGEST_STRETCH` came first), or ``"lost"`` (the path could not be followed so far).
+        pressure: Pressure in Pa there; for ``"none"`` at that stretch, for ``"lost"`` the last one known to be stable.
+        added_volume: Volume in m3 taken by then.
+        rises: Rise of the probes in m.
+        stretch: Largest principal stretch.
+        place: Undeformed device coordinates in m of the integration point with the largest stretch.
+        why: What ended a lost path, else empty.
+    """
+
+    kind: str
+    pressure: float
+    added_volume: float
+    rises: dict[str, float]
+    stretch: float
+    place: tuple[float, float, float]
+    why: str = ""
+
+    @property
+    def found(self) -> bool:
+        return self.kind in ("limit", "bifurcation")
+
+
+def find_limit(
+    actuator: Actuator,
+    materials: Sequence[Material],
+    comm: Any,
+    sheet: Sheet | None = None,
+    obstacle: Obstacle | None = None,
+    formulation: str = "mixed",
+) -> list[Limit]:
+    """Limits of one device in several materials; it is meshed once.
+
+    Args:
+        actuator: The device.
+        materials: The silicones.
+        comm: MPI communicator.
+        sheet, obstacle: What is bonded to it, and what it comes to rest on.
+        formulation: As a case has it.
+
+    Raises:
+        MeshingError, BodyError, MaterialError, ObstacleError: As for a run.
+    """
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.results.fields import Fields
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(comm.bcast(folder)) / "device.msh"
+        on_root(comm, lambda: actuator.write(path))
+        body = Body.from_file(actuator, path, comm)
+        comm.barrier()
+    known: dict[Any, Any] = {}
+    found = []
+    try:
+        for material in materials:
+            key = (type(material), len(getattr(material, "mu", ())))
+            if key not in known:
+                with compiling():
+                    equations = Equilibrium(body, material, formulation, sheet, obstacle)
+                    known[key] = equations, Fields(equations)
+            equations, fields = known[key]
+            equations.set_material(material)
+            found.append(_search(equations, fields))
+    finally:
+        for equations, _ in known.values():
+            equations.release()
+    return found
+
+
+def _search(equations: Any, fields: Any) -> Limit:
+    from softmodels.mechanics.solver import NoConvergence
+    from softmodels.path.continuation import Path as LoadPath
+    from softmodels.path.continuation import trace
+    from softmodels.path.points import PathEnd
+
+    path = LoadPath(equations)
+    kind, why, last = "none", "", None
+    try:
+        for point in trace(path, [STIFFNESS_RANGE]):
+            before, last = last, point
+            if point.limit or point.bifurcation:
+                kind = "limit" if point.limit else "bifurcation"
+                break
+            if fields.figures(point.state).max_stretch > LARGEST_STRETCH:
+                last = _stretched(path, fields, before, point)
+                break
+    except (PathEnd, NoConvergence) as end:
+        kind, why = "lost", str(end)
+    assert last is not None  # the state at rest is always there
+    figures = fields.figures(last.state)
+    return Limit(
+        kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
+        figures.max_stretch_at, why,
+    )  # fmt: skip
+
+
+def _stretched(path: Any, fields: Any, before: Any, after: Any) -> Any:
+    """The point between two where the largest stretch is `LARGEST_STRETCH`, to a part in a thousand or so."""
+    for _ in range(2):  # each time from the end that is nearer
+        low, high = (fields.figures(point.state).max_stretch for point in (before, after))
+        between = path.on_the_way(before, after, (LARGEST_STRETCH - low) / (high - low))
+        before, after = (
+            (between, after) if fields.figures(between.state).max_stretch < LARGEST_STRETCH else (before, between)
+        )
+    return between
+
+
+# -- the scatter of a workshop ----------------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class Tolerance:
+    """A parameter or deviation of the device and how far it may be off: ``middle`` plus or minus ``half``.
+
+    Attributes:
+        name: A field of the device, or one of its `Actuator.deviations`.
+        middle, half: In ``unit``.
+        unit: ``"m"``, ``"degree"`` or ``""``.
+        signed: Whether it may be zero or below, so that its effect is told per half width and not per percent.
+    """
+
+    name: str
+    middle: float
+    half: float
+    unit: str = "m"
+    signed: bool = False
+
+    @classmethod
+    def parse(cls, text: str, device: type[Actuator]) -> Tolerance:
+        """Read ``"membrane=2mm+-0.2mm"``; also ``+/-`` and the sign itself, and ``%`` of the middle.
+
+        Raises:
+            CaseError: Not of this form, an unknown parameter, or a wrong unit.
+        """
+        match = len(text) < LONGEST_TEXT and re.fullmatch(r"\s*([\w-]+)\s*=\s*(.+?)\s*(?:\+/?-|±)\s*(.+?)\s*", text)
+        if not match:
+            raise CaseError(f"--vary {brief(text)} is not of the form membrane=2mm+-0.2mm")
+        name, middle, half = match[1].replace("-", "_"), match[2], match[3]
+        fields = {f.name: f.metadata for f in dataclasses.fields(device) if not f.metadata.keys() & {"choices", "kind"}}
+        known = {name: (meta["unit"], bool(meta.get("signed"))) for name, meta in fields.items()}
+        known |= dict.fromkeys(device.deviations, ("m", True))
+        if name not in known:
+            listed = ", ".join(key.replace("_", "-") for key in known)
+            raise CaseError(
+                f"--vary {text!r}: {device.__name__} has no parameter {match[1]!r} to vary; it has {listed}"
+            )
+        unit, signed = known[name]
+        try:
+            value = quantity(middle, unit)
+            width = abs(value) * number(half[:-1]) / 100 if half.endswith("%") else quantity(half, unit)
+        except UnitError as error:
+            raise CaseError(f"--vary {text!r}: {error}") from None
+        if not width > 0.0 or (not signed and width >= value):
+            between = "above zero" if signed else "between zero and the value"
+            raise CaseError(f"--vary {text!r}: the tolerance must lie {between}")
+        return cls(name, value, width, unit, signed)
+
+
+def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -> npt.NDArray[np.float64]:
+    """Quasi-random values of the parameters: Halton's sequence, scrambled with a fixed seed, so that a run repeats itself.
+
+    Args:
+        tolerances: The parameters.
+        count: How many devices.
+        normal: Take the half width as two standard deviations of a normal scatter; else all values in it are as likely.
+
+    Returns:
+        Shape (count, parameters).
+    """
+    from scipy.stats import norm, qmc
+
+    unit = qmc.Halton(len(tolerances), seed=2013).random(count)
+    spread = norm.ppf(unit) / 2 if normal else 2 * unit - 1
+    return np.array([t.middle for t in tolerances]) + spread * np.array([t.half for t in tolerances])
+
+
+def scatter(
+    actuator: Actuator,
+    material: Material,
+    tolerances: Sequence[Tolerance],
+    values: npt.NDArray[np.float64],
+    comm: Any,
+    sheet: Sheet | None = None,
+    obstacle: Obstacle | None = None,
+    formulation: str = "mixed",
+) -> list[tuple[Mapping[str, float], Limit]]:
+    """The limit of each sampled device, with its parameters.
+
+    Raises:
+        CaseError: Tolerances that make no device.
+    """
+    found: list[tuple[Mapping[str, float], Limit]] = []
+    for row in values:
+        changes = {t.name: float(value) for t, value in zip(tolerances, row, strict=True)}
+        try:
+            device = actuator.made(changes)
+        except GeometryError as error:
+            raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
+        found.append((changes, find_limit(device, [material], comm, sheet, obstacle, formulation)[0]))
+    return found

@@ -1,0 +1,148 @@
+"""What a reader must know of a run before trusting its numbers: sentences, the same in the closing message and the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from softmodels.case.case import Case
+from softmodels.case.gauges import followed_text
+from softmodels.materials.stability import instabilities
+from softmodels.materials.spread import material_spread
+from softmodels.materials.silicones import SILICONES, named, stretch_at_break
+
+Row = Mapping[str, Any]
+
+DEEPEST = 0.01
+"""Depth of a contact in sizes of the device above which the user is warned."""
+NEAR = 1e-3
+"""Distance in sizes of the device from which a point's place on the surface is told."""
+LOCAL = 0.1
+"""Share of that depth below which the force, spread over the device, would sink in: then it is an edge that has sunk."""
+VOLUME_CHANGE = 0.05
+"""Change of the silicone's volume (J at a vertex less 1) above which the user is warned."""
+
+
+def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
+    """Warnings that a run's states call for: sentences, none if all is well."""
+    return [
+        *law_notes(case, rows),
+        *stretch_notes(case, rows),
+        *source_notes(case),
+        *volume_notes(rows),
+        *contact_notes(rows),
+        *depth_notes(case, rows),
+        *place_notes(case, rows),
+    ]
+
+
+def law_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """A sentence where a run stretches its silicone beyond what its law bears by Drucker's check; none if it does not."""
+    most = max((float(row.get("max_stretch", 1.0)) for row in rows), default=1.0)
+    # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier. In the
+    # other modes of tension the stretch itself tells, for a membrane is pulled in both directions.
+    strain = most**2 + 2 / most - 3
+    weak = [str(one) for one in instabilities(case.material) if one.strain <= strain or 1 < one.stretch <= most]
+    if not weak:
+        return []
+    return [
+        f"by Drucker's check the law {case.material.name} is not stable in {'; '.join(weak)}, and the run's largest stretch is "
+        f"{most:.3g}: what is unstable there may be the law and not the device; see softmodels curve, and take a law that "
+        "passes within this range"
+    ]
+
+
+def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """What the largest stretches of a run mean for the silicone: sentences, none if it is not known or bears them."""
+    name = named(case.material)
+    if name is None or "max_stretch" not in rows[0]:
+        return []
+    silicone, breaks = SILICONES[name], stretch_at_break(case.material)
+    most = max(rows, key=lambda row: float(row["max_stretch"]))
+    torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
+    if torn is not None:
+        return [
+            f"at {torn['pressure_cm']:.4g} cm the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at which "
+            f"{name} broke when pulled ({silicone.source}): the device tears there, and no state from there on is real"
+        ]
+    if silicone.stretches is not None and most["max_stretch"] > silicone.stretches[1]:
+        return [
+            f"the largest stretch, {most['max_stretch']:.3g}, lies beyond {silicone.stretches[1]:g}, up to which {name} was "
+            "fitted: what stretches so far is an extrapolation"
+        ]
+    return []
+
+
+def source_notes(case: Case) -> list[str]:
+    """How far the sources of a named silicone lie apart; none for a material that is not of the library."""
+    text = material_spread(case.material)
+    return [text] if text else []
+
+
+def volume_notes(rows: Sequence[Row]) -> list[str]:
+    """A sentence where the silicone's own volume changed more than rubber's can; none if it nearly kept it."""
+    told = [row for row in rows if "J_min" in row]
+    least, most = min((row["J_min"] for row in told), default=1.0), max((row["J_max"] for row in told), default=1.0)
+    if least >= 1 - VOLUME_CHANGE and most <= 1 + VOLUME_CHANGE:
+        return []
+    return [
+        f"the silicone's own volume changed to {least:.3f} to {most:.3f} of what it was (J); rubber keeps it, so take "
+        "--poisson nearer to 0.5"
+    ]
+
+
+def contact_notes(rows: Sequence[Row]) -> list[str]:
+    """A sentence on walls that have met; none if they have not."""
+    first = next((row for row in rows if row.get("walls_touch")), None)
+    if first is None:
+        return []
+    return [
+        f"at {first['pressure_cm']:.4g} cm walls that face each other have met: from there on they would press on each other, "
+        "and here they pass through; see walls_touch in path.csv, and leave more room between them (a wall and its mirror "
+        "image can be stopped at the plane between: --contact with --contact-plane)"
+    ]
+
+
+def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """A sentence where faces have sunk deep into the plane that stops them."""
+    deepest = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0)
+    if case.obstacle is None or deepest <= DEEPEST * case.actuator.size * 1e3:
+        return []
+    size, plane = case.actuator.size, case.obstacle
+    force = max((abs(row.get("contact_force_N", 0.0)) for row in rows), default=0.0)
+    # The depth that this force has when it is spread over the device; an edge that curls into the plane carries little of it.
+    spread = force / (plane.stiffness * case.material.shear_modulus_0 * size**2)
+    if spread < LOCAL * DEEPEST:
+        return [
+            f"an edge of the faces has sunk {deepest:.3g} mm into the contact's plane, under a force of {force:.3g} N in all: "
+            "spread over the faces it would be far less, so a larger --contact-stiffness changes little but there; look at "
+            "that edge (smaller cells, --cell-size), and take its place with care"
+        ]
+    return [
+        f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
+        f"larger --contact-stiffness than {case.obstacle.stiffness:g}"
+    ]
+
+
+def place_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """A sentence on each named point that is followed somewhere else than where it was named."""
+    first = next((row for row in rows if not row["step"]), None)
+    if first is None or not case.gauges.points:
+        return []
+    said = []
+    for name, wanted in case.gauges.places.items():
+        at = [1e-3 * float(first[f"{name}_{axis}_mm"]) for axis in "xyz"]
+        if (away := math.dist(at, wanted)) > NEAR * case.actuator.size:
+            said.append(followed_text(name, at, away))
+    return said
+
+
+def left_out(case: Case) -> str:
+    """What is not in the model of a case: a sentence."""
+    stopped = (
+        "" if case.obstacle is None else f"; the rigid plane {case.obstacle.plane} stops {case.obstacle.faces} alone"
+    )
+    return (
+        f"the silicone is elastic; weight and viscosity are not in the model, and walls that meet pass through{stopped}"
+    )

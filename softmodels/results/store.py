@@ -1,0 +1,356 @@
+"""A folder of results that is readable at every moment, whatever stops the run.
+
+New results are prepared aside, and replace those of an earlier run when their first step is there. Each step goes into a file
+of its own, written aside and renamed, and the light files (XDMF, CSV) are replaced whole after each step. A run that ends well
+gathers the steps into one HDF5 file. Only rank 0 has one of these; nothing here knows of MPI.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import errno
+import io
+import json
+import os
+import re
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from measurement.own_files import remove_steps
+from measurement.own_folder import PATIENCE, OwnFolder
+from softmodels.results.picture_files import picture_folder
+from softmodels.results.xdmf import xdmf
+
+FORMAT = 2
+"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
+RESTART = "restart"
+"""What of a step is for a restart alone: its attribute, and the beginning of its fields' names."""
+KEPT = 8
+"""Steps at the end of a gathered run that keep those fields: it is gone on with from there."""
+ROW = "row"
+RUN, BRANCH = "run", "branch/"
+"""What a folder's record calls a run; the folder inside for a branch that leaves its path."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Stored:
+    """Where one step's fields are: HDF5 file (relative to the folder), group, and its row of ``path.csv``."""
+
+    file: str
+    group: str
+    row: dict[str, Any]
+    restart: dict[str, Any]
+
+
+class ResultsError(RuntimeError):
+    """Results that cannot be read or continued; the message is a sentence for the user."""
+
+
+class Results:
+    """Results of one run.
+
+    Args:
+        folder: Where to write; made if missing.
+        name: Stem of the files, such as ``"disk"``.
+        gauge: The device's `Actuator.gauge`, which names the picture of its rise.
+        kind: What the folder's record calls them.
+
+    Attributes:
+        own: The folder, and what in it is the run's own.
+        folder: Where the files are: in ``own``, or aside of the earlier results until the first step is there.
+    """
+
+    def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN):
+        self.own = OwnFolder(folder, kind)
+        self.folder, self.name, self.gauge = folder, name, gauge
+        self.stored: list[Stored] = []
+        self._about: dict[str, Any] = {}
+        self._renewal = ""
+
+    @property
+    def heavy(self) -> Path:
+        return self.folder / f"{self.name}.h5"
+
+    @property
+    def steps(self) -> Path:
+        return self.folder / f"{self.name}.steps"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        return [step.row for step in self.stored]
+
+    def branch(self) -> Results:
+        """Results of the branch that leaves this path, in a folder of their own; there may be none."""
+        return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch")
+
+    @property
+    def files(self) -> list[str]:
+        """Names of what a run writes, pictures aside."""
+        name = self.name
+        return ["case.toml", f"{name}.h5", f"{name}.xdmf", "path.csv", "summary.json", f"{name}.msh", f"{name}.steps/"]
+
+    def prepare(self, about: Mapping[str, Any]) -> None:
+        """Begin new results aside of the earlier ones, which stay until the first step is stored.
+
+        Args:
+            about: What to record of them.
+
+        Raises:
+            OwnFolderError: Somebody else's file has a name that a run writes.
+            OSError: The folder cannot be written.
+        """
+        self.own.check_names([*self.files, BRANCH])
+        self._about = dict(about)
+        self.folder = self.own.prepare()
+
+    def renew(self, case: str, about: Mapping[str, Any]) -> None:
+        """Write another case file with the next state, of a run that is gone on with to further values."""
+        self._renewal, self._about = case, dict(about)
+
+    def record(self, **about: Any) -> None:
+        """Record more of these results: at once, or with the first state."""
+        self._about |= about
+        if self.folder == self.own.path:
+            self.own.claim([], about)
+
+    def _bring_in(self) -> None:
+        """Put the prepared results in the place of the earlier ones, whose pictures go too."""
+        pictures = picture_folder(self.own.path)
+        pictures.take(PATIENCE)  # they may be being drawn
+        try:
+            self.own.bring_in(self._about)
+            self.folder = self.own.path
+            pictures.remove(pictures.files)
+        finally:
+            pictures.leave()
+
+    def clear(self) -> None:
+        """Make the folder and take away what an earlier run left in it, at once.
+
+        Raises:
+            OwnFolderError: The folder is not a run's, or somebody else's file has a name that a run writes.
+        """
+        self.own.check()
+        self.own.path.mkdir(parents=True, exist_ok=True)
+        self.own.remove(self.own.files)
+        self.own.claim(self.files)
+
+    def begin(self, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], cell_name: str) -> None:
+        """Store the grid: points (n, 3) in m, cells (c, k) of an XDMF cell type."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+
+        def fill(file: Any) -> None:
+            file["mesh/points"], file["mesh/cells"] = points, cells
+            file["mesh"].attrs["cell_name"] = cell_name
+            file.attrs["format"] = FORMAT
+
+        replace_hdf5(self.heavy, fill)
+        self._shapes = (len(points), cells.shape, cell_name)
+
+    def check_grid(self, points: npt.NDArray[np.float64]) -> None:
+        """Refuse to go on where the device is not meshed as it was.
+
+        Args:
+            points: Nodes of the mesh, shape (n, 3), m.
+
+        Raises:
+            ResultsError: The stored states lie on other nodes.
+        """
+        import h5py
+
+        with h5py.File(self.heavy) as file:
+            stored = file["mesh/points"][:]
+        if stored.shape != points.shape or not np.allclose(stored, points, rtol=0.0, atol=1e-9 * np.abs(stored).max()):
+            raise ResultsError(
+                f"the states in {self.folder} are of another mesh ({len(stored)} nodes there, {len(points)} here), as another "
+                "version of Gmsh would make; run without --resume"
+            )
+
+    def load(self, go_on: bool = False) -> None:
+        """Take up what an earlier run left, for going on with it or for drawing.
+
+        Args:
+            go_on: Whether it is to be gone on with, which needs a run of this version.
+
+        Raises:
+            ResultsError: There is nothing, or it cannot be read, or another version wrote it.
+        """
+        import h5py
+
+        if not self.heavy.exists():
+            raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is nothing to go on from")
+        found: dict[int, Stored] = {}
+        try:
+            with h5py.File(self.heavy) as file:
+                self._check_format(int(file.attrs.get("format", 0)), go_on)
+                cells = file["mesh/cells"].shape
+                self._shapes = (len(file["mesh/points"]), cells, str(file["mesh"].attrs["cell_name"]))
+                for group in file.get("steps", {}):
+                    found[int(group)] = _stored(file[f"steps/{group}"], self.heavy.name, f"/steps/{group}")
+            for path in sorted(self.steps.glob("*.h5")):
+                with h5py.File(path) as file:
+                    found[int(path.stem)] = _stored(file, f"{self.steps.name}/{path.name}", "")
+        except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+            if isinstance(error, ResultsError):
+                raise
+            raise ResultsError(f"the results in {self.folder} cannot be read ({hdf5_reason(error)})") from error
+        self.stored = [found[step] for step in sorted(found)]
+
+    def _check_format(self, found: int, go_on: bool) -> None:
+        if found > FORMAT:
+            raise ResultsError(
+                f"{self.folder} was written by a later version of softmodels (its results have format {found}, this version "
+                f"reads up to {FORMAT}); update softmodels"
+            )
+        if go_on and found < FORMAT:
+            raise ResultsError(
+                f"{self.folder} was written by an earlier version of softmodels (its results have format {found}, this version "
+                f"goes on with {FORMAT}); run without --resume into another folder (--output), or draw it as it is "
+                f"(softmodels draw {self.folder})"
+            )
+
+    def add(
+        self, row: Mapping[str, Any], fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]
+    ) -> None:
+        """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
+        number = len(self.stored)
+        self.steps.mkdir(exist_ok=True)
+
+        def fill(file: Any) -> None:
+            for name, values in fields.items():
+                file[name] = values
+            file.attrs[ROW], file.attrs[RESTART] = json.dumps(dict(row)), json.dumps(dict(restart))
+
+        path = self.steps / f"{number:04d}.h5"
+        replace_hdf5(path, fill)
+        self.stored.append(Stored(f"{self.steps.name}/{path.name}", "", dict(row), dict(restart)))
+        self.write_light()
+        if self.folder != self.own.path:
+            self._bring_in()
+        elif self._renewal:
+            write_text(self.folder / "case.toml", self._renewal)
+            self.own.claim(["case.toml"], self._about)
+            self._renewal = ""
+
+    def fields(self, step: int, names: tuple[str, ...]) -> dict[str, npt.NDArray[np.float64]]:
+        """Nodal fields of a stored step."""
+        import h5py
+
+        if not (self.folder / self.stored[step].file).exists():
+            self.load()  # the run that wrote it has gathered its steps meanwhile
+        stored = self.stored[step]
+        with h5py.File(self.folder / stored.file) as file:
+            return {name: file[f"{stored.group}/{name}"][:] for name in names}
+
+    def has(self, step: int, names: Sequence[str]) -> bool:
+        """Whether a stored step has these fields."""
+        import h5py
+
+        stored = self.stored[step]
+        with h5py.File(self.folder / stored.file) as file:
+            return all(f"{stored.group}/{name}" in file for name in names)
+
+    def finish(self) -> None:
+        """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere.
+
+        Raises:
+            OSError: There is no room for it; all steps stay where they are.
+        """
+        import h5py
+
+        size = sum(
+            (self.folder / file).stat().st_size for file in {self.heavy.name, *(stored.file for stored in self.stored)}
+        )
+        # Asked beforehand, because HDF5 takes a full disk badly: see `replace_hdf5`. All at once may not fit in memory.
+        if shutil.disk_usage(self.folder).free < size:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        def fill(path: Path) -> None:
+            with h5py.File(path, "w") as file:
+                with h5py.File(self.heavy) as old:
+                    old.copy("mesh", file)
+                    file.attrs["format"] = old.attrs.get("format", 0)
+                for number, stored in enumerate(self.stored):
+                    with h5py.File(self.folder / stored.file) as source:
+                        group = file.create_group(f"steps/{number:04d}")
+                        part = source[stored.group] if stored.group else source
+                        kept = number >= len(self.stored) - KEPT
+                        for name in part:
+                            if kept or not name.startswith(RESTART):
+                                part.copy(name, group)
+                        for key, value in part.attrs.items():
+                            group.attrs[key] = value
+
+        try:
+            replace(self.heavy, fill)
+        except (OSError, RuntimeError) as error:
+            raise OSError(errno.EIO, hdf5_reason(error)) from error
+        self.stored = [
+            dataclasses.replace(stored, file=self.heavy.name, group=f"/steps/{number:04d}")
+            for number, stored in enumerate(self.stored)
+        ]
+        self.write_light()
+        remove_steps(self.steps)
+
+    def write_light(self) -> None:
+        """Write ``path.csv`` and the XDMF anew."""
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, fieldnames=list(self.stored[0].row), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.rows)
+        replace(self.folder / "path.csv", lambda path: path.write_text(text.getvalue()))
+        replace(
+            self.folder / f"{self.name}.xdmf",
+            lambda path: path.write_bytes(xdmf(self.name, self.heavy.name, self._shapes, self.stored)),
+        )
+
+
+def _stored(group: Any, file: str, path: str) -> Stored:
+    return Stored(file, path, json.loads(group.attrs[ROW]), json.loads(group.attrs[RESTART]))
+
+
+def replace(path: Path, fill: Callable[[Path], Any]) -> None:
+    """Write a file aside and rename it into place, so that no reader ever sees a part of it."""
+    aside = path.with_name(f"{path.name}.part")
+    try:
+        fill(aside)
+        aside.replace(path)
+    except BaseException:
+        aside.unlink(missing_ok=True)
+        raise
+
+
+def replace_hdf5(path: Path, fill: Callable[[Any], Any]) -> None:
+    """Make an HDF5 file in memory and write its bytes.
+
+    Writing by itself, HDF5 finds a full disk only when it closes the file, and then may crash at the program's end.
+    """
+    import h5py
+
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+        fill(file)
+        file.flush()
+        image = file.id.get_file_image()
+    replace(path, lambda aside: aside.write_bytes(image))
+
+
+def hdf5_reason(error: BaseException) -> str:
+    """The operating system's word in one of HDF5's long messages, or the message's first line."""
+    found = re.search(r"error message = '([^']+)'", str(error))
+    return found[1] if found else str(error).strip().splitlines()[0]
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a small file whole or not at all."""
+    replace(path, lambda aside: aside.write_text(text))
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """The same of bytes."""
+    replace(path, lambda aside: aside.write_bytes(data))
