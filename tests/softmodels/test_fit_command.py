@@ -17,7 +17,7 @@ import pytest
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.material_table import from_table, material_from
 from softmodels.cli.options import main
-from softmodels.fitting.curves.curve import strain_of
+from softmodels.materials.specimens import strain_of
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.materials.laws import Ogden, Yeoh
 from softmodels.materials.specimens import respond
