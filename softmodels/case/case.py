@@ -13,8 +13,8 @@ from geometries import Actuator, GeometryError
 from geometries import table as geometry_table
 from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import WATER_DENSITY, UnitError, exact_text, pascal_per_cm, quantity
-from softmodels.case.case import gauges as gauge_tables
-from softmodels.case.case import material_table, supply_table
+from softmodels.case import gauges as gauge_tables
+from softmodels.case import material_table, supply_table
 from softmodels.case.gauges import GaugeError, Gauges
 from softmodels.case.ranges import SeriesError, series
 from softmodels.materials.laws import Material, MaterialError

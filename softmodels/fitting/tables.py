@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softmodels.case.case import material_table
+from softmodels.case import material_table
 from softmodels.fitting.comparison import Comparison
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.law_parameters import LawChoice

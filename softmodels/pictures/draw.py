@@ -18,7 +18,7 @@ import numpy as np
 from measurement.folder_lock import InUseError
 from measurement.own_folder import PATIENCE, OwnFolderError
 from softmodels.case.case import Case, CaseError
-from softmodels.pictures.draw import film, hot_spots, plots, program_plots, report, sections, stills
+from softmodels.pictures import film, hot_spots, plots, program_plots, report, sections, stills
 from softmodels.pictures.pages import STYLE, headline
 from softmodels.pictures.rendering import can_render
 from softmodels.pictures.views import Look, look

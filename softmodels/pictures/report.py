@@ -17,7 +17,7 @@ from typing import Any
 import matplotlib
 from PIL import Image as Picture
 
-from softmodels.pictures.draw import plots, program_plots
+from softmodels.pictures import plots, program_plots
 from softmodels.pictures.pages import STYLE, load
 from softmodels.pictures.report_case import case_tables
 from softmodels.pictures.viewer import view

@@ -8,7 +8,7 @@ from typing import Any
 
 from geometries import table as geometry_table
 from measurement.units import readable
-from softmodels.case.case import material_table, supply_table
+from softmodels.case import material_table, supply_table
 from softmodels.results.stored import States
 
 

@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 from geometries import SeminarActuator
+from softmodels.pictures import film, hot_spots
 from softmodels.pictures.cutting import cut_open
-from softmodels.pictures.draw import film, hot_spots
 from softmodels.pictures.pages import Scale
 from softmodels.pictures.views import look
 from softmodels.results.skin import CUT

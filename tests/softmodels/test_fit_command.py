@@ -17,10 +17,9 @@ import pytest
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.material_table import from_table, material_from
 from softmodels.cli.options import main
-from softmodels.materials.specimens import strain_of
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.materials.laws import Ogden, Yeoh
-from softmodels.materials.specimens import respond
+from softmodels.materials.specimens import respond, strain_of
 
 L = np.linspace(1.02, 3.0, 60)
 LAW = Yeoh(8e3, 90.0, 0.5, 0.5)

@@ -9,7 +9,7 @@ from geometries import HollowDisk
 from geometries import table as geometry_table
 from measurement.units import exact_text, quantity, readable
 from softmodels.cli import closing
-from softmodels.pictures.draw import hot_spots, plots, report, sections
+from softmodels.pictures import hot_spots, plots, report, sections
 from softmodels.pictures.views import look
 from softmodels.results.stability_report import events, jumps_text, unlocated
 from softmodels.results.stored import States

@@ -13,11 +13,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from geometries import HollowDisk
-from softmodels.case.case import supply_table
+from softmodels.case import supply_table
 from softmodels.path.syringe import Syringe
+from softmodels.pictures import draw as pictures
+from softmodels.pictures import plots, rendering, sections, stills
 from softmodels.pictures.cutting import cut_open
-from softmodels.pictures.draw import draw as pictures
-from softmodels.pictures.draw import plots, rendering, sections, stills
 from softmodels.pictures.pages import Scale
 from softmodels.pictures.views import look
 from softmodels.results.skin import CUT

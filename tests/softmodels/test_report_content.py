@@ -13,7 +13,7 @@ from PIL import Image
 from geometries import HollowDisk, SeminarActuator
 from measurement import pictures as measured
 from measurement.page_style import RULES, VIEWPORT
-from softmodels.pictures.draw import fit_pictures, report
+from softmodels.pictures import fit_pictures, report
 from softmodels.pictures.views import look
 from softmodels.results.glossary import term
 from softmodels.results.stored import States
