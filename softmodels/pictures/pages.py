@@ -6,6 +6,7 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,6 +25,9 @@ Row = Mapping[str, Any]
 DPI = 160
 WIDTH = 10.0
 """Width of every page in inches: 1600 pixels."""
+
+CHARACTER = 0.62
+"""Width of a character, in sizes of the font: a little more than the mean of the fonts' letters and digits."""
 
 COLOURS = "Spectral_r"
 LINES = "viridis"
@@ -59,17 +63,28 @@ def headline(row: Row, gauge: str) -> str:
     return f"{load(row)}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
 
 
+def wrapped(text: str, width: float, size: float) -> str:
+    """A text of a size in points as lines that fit a width in inches."""
+    return textwrap.fill(text, max(int(width * 72 / (CHARACTER * size)), 12), break_long_words=False)
+
+
 def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:
-    """A rendered image under its title, with the colour bar below if it shows a field."""
-    head, foot = 0.55 + 0.3 * bool(note), 0.0 if scale is None else FOOT
+    """A rendered image under its title, with the colour bar below if it shows a field.
+
+    Title and note go on in further lines where they are wider than the page: a program names every cavity's pressure.
+    """
+    title, note = wrapped(title, WIDTH, 13), wrapped(note, WIDTH, 11)
+    above = 0.28 + 0.22 * title.count("\n")  # to the last line of the title, inches
+    below = 0.32 + 0.19 * note.count("\n") if note else 0.0
+    head, foot = above + below + (0.25 if note else 0.27), 0.0 if scale is None else FOOT
     height = image.shape[0] / DPI
     figure = Figure((WIDTH, head + height + foot), dpi=DPI)
     whole = head + height + foot
     axes = figure.add_axes((0.0, foot / whole, 1.0, height / whole))
     axes.imshow(image)
     axes.set_axis_off()
-    figure.text(0.5, 1 - 0.28 / whole, title, ha="center", va="center", fontsize=13)
-    figure.text(0.5, 1 - 0.6 / whole, note, ha="center", va="center", fontsize=11, color=WARNING)
+    figure.text(0.5, 1 - 0.17 / whole, title, ha="center", va="top", fontsize=13)
+    figure.text(0.5, 1 - (above + 0.23) / whole, note, ha="center", va="top", fontsize=11, color=WARNING)
     if scale is not None:
         scale.bar(figure)
     return figure

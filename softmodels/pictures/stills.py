@@ -25,6 +25,7 @@ from softmodels.pictures.pages import (
     load,
     number,
     page,
+    wrapped,
 )
 from softmodels.pictures.rendering import Camera, Image, lines, ring, studio, surface
 from softmodels.pictures.views import Look, towards_slice
@@ -140,15 +141,16 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], scale: Scale) ->
     rows_ = -(-len(images) // columns)
     wide = WIDTH / columns
     tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
-    head, foot = 0.4, FOOT
+    titles = [wrapped(load(rows[step]), wide, 12) for step, _ in images]
+    head, foot = 0.4 + 0.2 * max(title.count("\n") for title in titles), FOOT
     whole = rows_ * (tall + head) + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
-    for k, (step, image) in enumerate(images):
+    for k, (_, image) in enumerate(images):
         left, top = k % columns * wide, whole - k // columns * (tall + head)
         axes = figure.add_axes((left / WIDTH, (top - head - tall) / whole, wide / WIDTH, tall / whole))
         axes.imshow(image, interpolation="antialiased")
         axes.set_axis_off()
-        figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, load(rows[step]), ha="center", va="center")
+        figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, titles[k], ha="center", va="center")
     scale.bar(figure)
     return figure
 

@@ -10,16 +10,17 @@ judged one by one and all three jointly.
     uv run python tests/benchmarks/law_choice.py --only Ecoflex --range 1.02:3
 
 ``--laws`` leaves out Ogden's laws of two and three terms unless told: their fits take twenty times as long as the others.
-Exit status 1 if any case is at fault: a verdict close to its border may turn with the noise of the readings. Found with five
-laws: one of 48 cases, Liao's digitised curve of Ecoflex 00-30 from stretch 1.02 to 3, whose mean square misfits of Gent's and
-Yeoh's laws are 1.61 to 1.71 times apart, about the 1.69 that count as equal. The preferred law's rms is at most 1.76 times the
-least.
+Exit status 1 if any case is at fault: a verdict close to its border turns with the noise of the readings (``--seed``), most of
+all of the 93. Found with five laws and errors ``auto``: no verdict of 48 turns with the sampling at seed 0, five, three and
+three do at seeds 1 to 3. Among them is Liao's digitised curve of Ecoflex 00-30 from stretch 1.02 to 3, whose mean square
+misfits of Gent's and Yeoh's laws are 1.6 to 1.7 times apart, where 1.69 counts as equal.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import sys
 import time
 from collections.abc import Sequence
@@ -51,19 +52,19 @@ SMOOTH = 30
 TESTS = {"UT": "uniaxial", "PS": "planar", "ET": "equibiaxial"}
 
 
-def raw(curve: TensileCurve) -> tuple[np.ndarray, np.ndarray]:
+def raw(curve: TensileCurve, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """A curve as a fast clock would have written it: its smooth course, and at each reading the noise that it has."""
     size = max(noise(curve), 1e-3 * float(np.abs(curve.stress).max()))
     smooth = thinned(curve, SMOOTH)
     through = np.unique(smooth.stretch, return_index=True)[1]
     course = PchipInterpolator(smooth.stretch[through], smooth.stress[through])
     stretch = np.linspace(smooth.stretch[0], smooth.stretch[-1], READINGS[0])
-    return stretch, course(stretch) + np.random.default_rng(0).normal(0.0, size, READINGS[0])
+    return stretch, course(stretch) + np.random.default_rng(seed).normal(0.0, size, READINGS[0])
 
 
-def sampled(curve: TensileCurve, count: int) -> TensileCurve:
+def sampled(curve: TensileCurve, count: int, seed: int = 0) -> TensileCurve:
     """``count`` of the readings of `raw`, equally far from each other, thinned as the command does."""
-    stretch, stress = raw(curve)
+    stretch, stress = raw(curve, seed)
     kept = np.linspace(0, len(stretch) - 1, count).astype(int)
     return thinned(dataclasses.replace(curve, stretch=stretch[kept], stress=stress[kept]))
 
@@ -83,13 +84,13 @@ def verdict(curves: Sequence[TensileCurve], error: str, laws: str) -> tuple[str,
     return preferred, size[preferred] / min(size.values())
 
 
-def one(case: tuple[str, Sequence[TensileCurve], str]) -> tuple[bool, float, str]:
+def one(case: tuple[str, Sequence[TensileCurve], str], seed: int = 0) -> tuple[bool, float, str]:
     """Judge one curve, or joint tests, in all ways: whether it is at fault, its largest ratio, and a line of the table."""
     label, curves, laws = case
     started = time.process_time()
     found = {}
     for count in READINGS:
-        thin = [sampled(curve, count) for curve in curves]
+        thin = [sampled(curve, count, seed) for curve in curves]
         for error in ERRORS:
             found[count, error] = verdict(thin, error, laws)
     chosen = {law for law, _ in found.values()}
@@ -136,6 +137,7 @@ def main() -> int:
     options.add_argument("--range", dest="ranges", action="append", help="stretches, such as 1.02:3; empty for all")
     options.add_argument("--laws", default=LAWS, help="laws by name, or all")
     options.add_argument("--jobs", type=int, default=1, help="processes")
+    options.add_argument("--seed", type=int, default=0, help="of the readings' noise")
     told = options.parse_args()
     todo = cases(told.data, told.only, told.ranges or RANGES, told.laws)
     if not todo:
@@ -147,7 +149,7 @@ def main() -> int:
     )
     results = []
     with ProcessPoolExecutor(told.jobs) as pool:
-        for result in pool.map(one, todo):
+        for result in pool.map(functools.partial(one, seed=told.seed), todo):
             results.append(result)
             print(result[2], flush=True)
     faults = sum(fault for fault, _, _ in results)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+from types import SimpleNamespace
+
 import matplotlib
 import numpy as np
 import pytest
 from PIL import Image
 
 from geometries import SeminarActuator
-from softmodels.pictures import film, hot_spots
+from softmodels.pictures import film, hot_spots, stills
 from softmodels.pictures.cutting import cut_open
-from softmodels.pictures.pages import Scale
+from softmodels.pictures.pages import Scale, load, page
 from softmodels.pictures.views import look
 from softmodels.results.skin import CUT
 from softmodels.results.stored import States
@@ -90,3 +93,30 @@ def test_a_cut_has_no_seam_where_images_of_the_slice_meet(half_slab):
     assert len(middle) > 10
     apart = np.linalg.norm(middle[:, None] - middle[None], axis=2) + np.eye(len(middle))
     assert apart.min() > 1e-7
+
+
+def test_titles_of_three_cavities_stay_within_their_pictures():
+    """A program of three cavities names three pressures: title, note and the titles of a sheet go on in further lines."""
+    row = {
+        "load_step": 2.25,
+        "pressure_1_cm": 139.5,
+        "pressure_2_cm": 140.2,
+        "pressure_3_cm": 117.3,
+        "max_stretch": 2.345,
+    }
+    row |= {f"max_stretch_{axis}_mm": -10.21 for axis in "xyz"}
+    states = SimpleNamespace(rows=[row, row, row])
+    note = hot_spots.peak_text(states, 0)
+    image = np.zeros((400, 533, 3), dtype=np.uint8)
+    scale = SimpleNamespace(bar=lambda figure: None)
+    sheet = stills.sheet([(step, image) for step in range(3)], states.rows, scale)
+    for figure, columns in (
+        (page(image, f"{load(row)} at the bifurcation, the mode; {note}", None, note), 1),
+        (sheet, 3),
+    ):
+        figure.draw_without_rendering()
+        wide, tall = figure.bbox.width, figure.bbox.height
+        top = max(axes.get_window_extent().y1 for axes in figure.axes)
+        boxes = [text.get_window_extent() for text in figure.texts]
+        assert all(box.width < 0.99 * wide / columns and box.y1 <= tall and box.y0 >= top for box in boxes)
+        assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
