@@ -7,6 +7,13 @@ neo-Hookean membrane in plane stress, whose energy per undeformed area is
 
 with I1 and J of the surface deformation F (I - N N): the surface's own first invariant and change of area. To first order
 this is a sheet of stiffness E t (N/m) and Poisson's ratio 1/2. Holzapfel 2000, Nonlinear Solid Mechanics, section 6.
+
+It is integrated at six points of a facet. Where a stiff sheet bends with a slab that is membrane locking: a curved quadratic
+facet cannot keep its lengths at all of them, and stresses between them grow with the stiffness until Newton's method fails
+(Stolarski & Belytschko 1982, Membrane locking and reduced integration for curved elements, J. Appl. Mech. 49, 172). With three
+points it fails at the same place. One point does not lock, but lets facets bulge between their centres: a closed sphere in a
+sheet of 3 kN/m then takes 8 to 19 % less pressure than in closed form, where six points are right to 2e-4. What may serve both
+is the mean of the metric over each facet. Lines of an axisymmetric section do not lock: meshes agree to 5 digits.
 """
 
 from __future__ import annotations

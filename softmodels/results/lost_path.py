@@ -11,6 +11,8 @@ from softmodels.materials.laws import Gent
 
 NEAR = 0.95
 """Share of the stretch where a law loses its stability, or its chains are taut, from which that is what ended the path."""
+HARDLY_STRETCHES = 50e3
+"""Stiffness of a sheet in N/m with which the seminar actuator still reaches 177 cm of water; see `softmodels.mechanics.sheet`."""
 FOLDED = 0.3
 """Volume ratio at a vertex below which cells have all but folded."""
 
@@ -53,8 +55,13 @@ def known_causes(case: Case, figures: Mapping[str, Any], petsc: bool = False) ->
     if case.sheet is not None:
         found.append(
             f"a sheet of {case.sheet.stiffness / 1e3:.4g} kN/m is bonded to {case.sheet.face}: see whether the run goes on "
-            "with a softer one (--sheet-stiffness), and whether the sheet is pressed together there"
+            "with a softer one (--sheet-stiffness)"
         )
+        if case.actuator.dimension == 3 and case.sheet.stiffness > HARDLY_STRETCHES:
+            found[-1] += (
+                f"; {HARDLY_STRETCHES / 1e3:g} kN/m hardly stretch on silicone. On meshes of solid cells a stiffer one locks: "
+                "a facet of it cannot bend and keep its lengths everywhere. Smaller cells lock less"
+            )
     return found
 
 

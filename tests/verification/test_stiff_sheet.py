@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometries import HollowDisk
+from geometries import HollowDisk, SeminarActuator
+from softmodels.case.case import Case
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Equilibrium
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import Path, trace
+from softmodels.results.lost_path import advice
 
 COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
 DISK = HollowDisk.variant("shadow", section="axisymmetric", **COARSE)
@@ -71,3 +73,15 @@ def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted):
     for bc in equations.bcs:
         product[bc.dof_indices()[0]] = 0.0
     assert np.abs(product - slope).max() < 1e-4 * np.abs(slope).max()
+
+
+@pytest.mark.parametrize(
+    ("actuator", "stiffness", "locks"),
+    [(SeminarActuator(), 400e3, True), (SeminarActuator(), 100.0, False), (DISK, 400e3, False)],
+)
+def test_a_lost_path_names_the_sheet_and_whether_it_locks(actuator, stiffness, locks):
+    sheet = Sheet(actuator.faces[0], stiffness)
+    case = Case("device", actuator, NeoHookean(30e3, 0.49), pressures_cm=(10.0,), sheet=sheet)
+    text = advice(case, {"max_stretch": 1.1, "J_min": 0.99})
+    assert f"{stiffness / 1e3:g} kN/m" in text and "--sheet-stiffness" in text and "pressed together" not in text
+    assert ("50 kN/m hardly stretch" in text) == ("a stiffer one locks" in text) == locks
