@@ -7,7 +7,7 @@ import sys
 
 import click
 
-from measurement.ending import STOPPED, bounded, written
+from measurement.ending import FAILED, STOPPED, bounded, written
 
 
 def run_command(command: click.Command, name: str) -> None:
@@ -32,3 +32,9 @@ def run_command(command: click.Command, name: str) -> None:
         except (click.exceptions.Abort, KeyboardInterrupt):
             tell("stopped by the user")
             sys.exit(STOPPED)
+        except MemoryError:
+            tell(
+                "the machine's memory is full; close other programs, or ask for less (a smaller photograph, larger cells, "
+                "fewer --jobs)"
+            )
+            sys.exit(FAILED)

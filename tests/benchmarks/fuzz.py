@@ -20,12 +20,13 @@ import faulthandler
 import hashlib
 import io
 import os
+import resource
 import signal
 import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -42,6 +43,8 @@ LONGEST = 20.0
 """Seconds of its own work after which a command hangs; other programs on the machine do not count."""
 LONGEST_WAIT = 300.0
 """Seconds by the clock after which the whole campaign is given up, with the place where it hangs."""
+MOST_MEMORY = 8 << 30
+"""Bytes that the whole campaign may take at a time."""
 MOST_CELLS, MOST_STEPS, SOLVED = 1500, 12, 3
 """Sections of at most so many cells and values are solved, and of those one in so many."""
 
@@ -261,13 +264,23 @@ def _inside(folder: Path) -> Iterator[None]:
 
 
 def campaign(
-    bench: Bench, count: int, seed: int, tell: Callable[[Outcome], Any] = lambda outcome: None
+    bench: Bench,
+    count: int,
+    seed: int,
+    tell: Callable[[Outcome], Any] = lambda outcome: None,
+    kinds: Sequence[str] = inputs.KINDS,
 ) -> list[Outcome]:
     """Try ``count`` inputs, as many of each kind."""
     found: list[Outcome] = []
-    for kind in inputs.KINDS:
-        found += _of_kind(bench, kind, count // len(inputs.KINDS), seed, tell)
+    for kind in kinds:
+        found += _of_kind(bench, kind, count // len(kinds), seed, tell)
     return found
+
+
+def _summary(kind: str, mine: Sequence[Outcome]) -> str:
+    ends = collections.Counter(outcome.status for outcome in mine)
+    faults, longest = sum(map(bool, (o.fault for o in mine))), max(o.seconds for o in mine)
+    return f"{kind:9s} {len(mine):5d} inputs, {faults} faults, longest {longest:.1f} s, by status {dict(ends)}"
 
 
 def _of_kind(bench: Bench, kind: str, count: int, seed: int, tell: Callable[[Outcome], Any]) -> list[Outcome]:
@@ -291,7 +304,10 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--blank", action="store_true", help="blank photographs, refused at once: a third of the time")
+    parser.add_argument("--kind", action="append", choices=inputs.KINDS, help="of these alone, in this order")
     chosen = parser.parse_args()
+    # More is a fault with a place, and no other program on the machine is ended for it.
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
 
     def tell(outcome: Outcome) -> None:
         if outcome.fault:
@@ -304,13 +320,12 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(Path(folder), watch=True, measure=not chosen.blank)
-        found = campaign(bench, chosen.count, chosen.seed, tell)
+        kinds, found = chosen.kind or inputs.KINDS, []
+        for kind in kinds:
+            mine = campaign(bench, chosen.count // len(kinds), chosen.seed, tell, (kind,))
+            print(_summary(kind, mine), flush=True)
+            found += mine
         solved = bench.runs // SOLVED
-    for kind in inputs.KINDS:
-        mine = [outcome for outcome in found if outcome.kind == kind]
-        ends = collections.Counter(outcome.status for outcome in mine)
-        faults, longest = sum(map(bool, (o.fault for o in mine))), max(o.seconds for o in mine)
-        print(f"{kind:9s} {len(mine):5d} inputs, {faults} faults, longest {longest:.1f} s, by status {dict(ends)}")
     print(f"{len(found)} inputs, {sum(bool(outcome.fault) for outcome in found)} faults; {solved} sections solved")
 
 

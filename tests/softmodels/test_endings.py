@@ -7,8 +7,12 @@ import signal
 import subprocess
 import sys
 import time
+from unittest import mock
 
+import click
 import pytest
+
+from measurement.running import run_command
 
 STARTS = {
     "softmodels.disk": ["--pressure-cm", "0:100"],
@@ -77,3 +81,15 @@ def test_words_without_end_get_a_sentence_with_one(module, words, tmp_path):
         _, err = process.communicate(timeout=60)
     assert process.returncode == 2
     assert len(err) < 1500 and " ... " in err and "x'" in err, err
+
+
+def test_full_memory_is_a_sentence(capsys):
+    @click.command()
+    def greedy():
+        raise MemoryError
+
+    with mock.patch.object(sys, "argv", ["greedy"]), pytest.raises(SystemExit) as end:
+        run_command(greedy, "greedy")
+    assert end.value.code == 1
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and "memory is full" in err
