@@ -11,17 +11,13 @@ import click
 
 from measurement.toml_file import TomlError, read_toml
 from measurement.units import UnitError, brief, exact_text, quantity
-from softmodels.materials.laws import LAWS, Material, MaterialError, NeoHookean, Ogden
+from softmodels.materials.laws import NeoHookean
+from softmodels.materials.material import LAWS, Material, MaterialError
 from softmodels.materials.silicones import PRODUCTS, silicone_called
 
 DEFAULT = NeoHookean(shear_modulus=30e3)
-CONVENTIONS = ("mu/alpha", "2mu/alpha^2")
-# Names that stand in for a law's own parameters: law, unit, help.
-ALIASES = {
-    "young": ("neo-hookean", "Pa", "Young's modulus, in place of the shear modulus"),
-    "d1": ("neo-hookean", "Pa", "the thesis' D1 = lambda/2, with --c1 = mu/2, in place of modulus and Poisson's ratio"),
-    "convention": ("ogden", "", "how mu and alpha are meant: W = sum mu/alpha (...) or sum 2mu/alpha^2 (...)"),
-}
+CONVENTION = "convention"
+"""Key that says how a law's parameters are meant, where there are several ways."""
 
 
 def material_options(command: Callable[..., Any], default: str | None = None) -> Callable[..., Any]:
@@ -31,18 +27,9 @@ def material_options(command: Callable[..., Any], default: str | None = None) ->
         command: The function or command.
         default: The silicone that stands in the help as the default; None for `DEFAULT`.
     """
-    owners: dict[str, list[str]] = {}
-    texts: dict[str, str] = {}
-    for law in LAWS.values():
-        for field in dataclasses.fields(law):
-            owners.setdefault(field.name, []).append(law.name)
-            texts.setdefault(field.name, field.metadata["help"])
-    for name, (owner, _, text) in ALIASES.items():
-        owners.setdefault(name, []).append(owner)
-        texts.setdefault(name, text)
-    for name in reversed(owners):
-        of = "all laws" if len(owners[name]) == len(LAWS) else ", ".join(owners[name])
-        command = click.option(_flag(name), name, help=f"{texts[name][0].upper()}{texts[name][1:]} ({of}).")(command)
+    for name, (text, laws) in reversed(_entries().items()):
+        of = "all laws" if len(laws) == len(LAWS) else ", ".join(laws)
+        command = click.option(_flag(name), name, help=f"{text[0].upper()}{text[1:]} ({of}).")(command)
     text = (
         f"A law ({', '.join(LAWS)}), a silicone ({', '.join(PRODUCTS)}; perhaps with its source, such as "
         "ecoflex-00-30/liao-2021: see softmodels silicones) or a TOML file with a [material] table.  "
@@ -53,7 +40,22 @@ def material_options(command: Callable[..., Any], default: str | None = None) ->
 
 def material_names() -> list[str]:
     """Names of the parameters that `material_options` adds."""
-    return [*dict.fromkeys(field.name for law in LAWS.values() for field in dataclasses.fields(law)), *ALIASES]
+    return list(_entries())
+
+
+def _entries() -> dict[str, tuple[str, list[str]]]:
+    """Help and laws of everything that a material's table may hold, by name: fields first, then what stands in for them."""
+    entries: dict[str, tuple[str, list[str]]] = {}
+    for law in LAWS.values():
+        for field in dataclasses.fields(law):
+            entries.setdefault(field.name, (field.metadata["help"], []))[1].append(law.name)
+    for law in LAWS.values():
+        for name, (_, text) in law.alternatives.items():
+            entries.setdefault(name, (text, []))[1].append(law.name)
+    for law in LAWS.values():
+        if law.conventions:
+            entries.setdefault(CONVENTION, (law.convention_help, []))[1].append(law.name)
+    return entries
 
 
 def _flag(name: str) -> str:
@@ -73,9 +75,9 @@ def material_from(name: str | None, values: Mapping[str, Any]) -> Material:
     given = {key: value for key, value in values.items() if value is not None}
     if name is None and not given:
         return DEFAULT
-    law = "neo-hookean" if name is None else name
+    law = DEFAULT.name if name is None else name
     if law in LAWS:
-        if law == "neo-hookean" and not {"shear_modulus", "young", "c1", "d1"} & set(given):
+        if law == DEFAULT.name and not {*DEFAULT.parameters, *DEFAULT.alternatives} & set(given):
             given["shear_modulus"] = exact_text(DEFAULT.shear_modulus, "Pa")
         return from_table({"law": law, **given})
     if silicone := silicone_called(law):
@@ -113,8 +115,8 @@ def to_table(material: Material, text: Callable[[float, str], str] = exact_text)
             table[field.name] = [text(v, unit) if unit else v for v in value]
         else:
             table[field.name] = text(value, unit) if unit else value
-    if isinstance(material, Ogden):
-        table["convention"] = CONVENTIONS[0]  # the same numbers read in the other way are another rubber
+    if material.conventions:
+        table[CONVENTION] = material.conventions[0]  # the same numbers read in the other way are another rubber
     return table
 
 
@@ -139,36 +141,23 @@ def from_table(table: Mapping[str, Any]) -> Material:
         raise MaterialError(f"law {name!r} is unknown; known are {', '.join(LAWS)}")
     law = LAWS[name]
     fields = {field.name: field for field in dataclasses.fields(law)}
-    if law is NeoHookean and values.keys() & {"young", "c1", "d1"}:
-        return _neo_hookean(values)
-    convention = values.pop("convention", CONVENTIONS[0]) if law is Ogden else CONVENTIONS[0]
-    if convention not in CONVENTIONS:
-        raise MaterialError(f"ogden: convention {convention!r} is not one of {', '.join(CONVENTIONS)}")
+    convention = values.pop(CONVENTION, law.conventions[0]) if law.conventions else ""
+    if convention and convention not in law.conventions:
+        raise MaterialError(f"{name}: convention {convention!r} is not one of {', '.join(law.conventions)}")
     parameters = {}
     for key, value in values.items():
-        if key not in fields:
+        if key in fields:
+            about = fields[key].metadata
+            parameters[key] = _read(name, key, value, about["unit"], about["many"])
+        elif key in law.alternatives:
+            parameters[key] = _read(name, key, value, law.alternatives[key][0])
+        else:
             raise MaterialError(f"{name} has no parameter {key!r}; it has {', '.join(fields)}")
-        parameters[key] = _read(name, key, value, fields[key].metadata["unit"], many=law is Ogden and key != "poisson")
-    for key, field in fields.items():
-        if key not in parameters and field.default is dataclasses.MISSING:
-            raise MaterialError(f"{name} needs {key} ({field.metadata['help']}); give it with {_flag(key)}")
-    if convention == CONVENTIONS[1]:
-        return Ogden.from_two_mu(**parameters)
-    return law(**parameters)
-
-
-def _neo_hookean(values: Mapping[str, Any]) -> NeoHookean:
-    """From Young's modulus, or from the thesis' C1 and D1."""
-    read = {key: _read("neo-hookean", key, value, "" if key == "poisson" else "Pa") for key, value in values.items()}
-    if read.keys() <= {"young", "poisson"} and "young" in read:
-        if read.get("poisson") == -1.0:
-            raise MaterialError("neo-hookean: poisson = -1 is outside -1 to 0.5")  # ahead of a division by zero
-        return NeoHookean.from_young(**read)
-    if read.keys() == {"c1", "d1"}:
-        return NeoHookean.from_c1_d1(**read)
-    raise MaterialError(
-        f"neo-hookean takes shear_modulus and poisson, or young and poisson, or c1 and d1; got {', '.join(sorted(read))}"
-    )
+    if not parameters.keys() & law.alternatives.keys():
+        for key, field in fields.items():
+            if key not in parameters and field.default is dataclasses.MISSING:
+                raise MaterialError(f"{name} needs {key} ({field.metadata['help']}); give it with {_flag(key)}")
+    return law.from_values(parameters, convention)
 
 
 def _read(law: str, key: str, value: Any, unit: str, many: bool = False) -> Any:

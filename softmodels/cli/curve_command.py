@@ -26,9 +26,9 @@ from softmodels.cli.tensile_options import (
     tensile_option,
 )
 from softmodels.fitting.curves.curve import TensileError
-from softmodels.fitting.tables import shown
 from softmodels.materials.curves import MaterialCurves
 from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import MODE_NAMES
 from softmodels.mechanics.mpi import speaks
 
@@ -122,7 +122,7 @@ def read_material(text: str, incompressible: bool = False) -> Material:
 
 def as_text(one: MaterialCurves, thickness_over_radius: float) -> str:
     """A material's table for the terminal."""
-    modulus, unit = shown(one.material.shear_modulus_0, "Pa")
+    modulus, unit = with_prefix(one.material.shear_modulus_0, "Pa")
     nu = one.material.poisson
     lines = [f"{one.name}: {one.material.name}, shear modulus {modulus} {unit}, Poisson's ratio {nu:g}"]
     lines.append("  stretch   nominal stress (kPa)                      balloon (kPa)")

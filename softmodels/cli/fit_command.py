@@ -27,12 +27,11 @@ from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of, spread
 from softmodels.fitting.curves.yardstick import on_yardstick
 from softmodels.fitting.files import name_of, retire, write_materials
-from softmodels.fitting.law_parameters import ALL, LawChoice
+from softmodels.fitting.law_parameters import LawChoice, all_laws, known_laws
 from softmodels.fitting.least_squares import Fit, FitError, Prior
 from softmodels.fitting.problem import CannotEvaluate, UnsoundError
 from softmodels.fitting.soundness import NOTHING
 from softmodels.fitting.tables import Fitted, Report, as_json, as_text, material_toml, write_curves
-from softmodels.materials.laws import LAWS
 from softmodels.materials.stability import judge
 from softmodels.mechanics.mpi import on_root, speaks, start
 from softmodels.results.outcomes import DONE, FAILED
@@ -49,7 +48,7 @@ from softmodels.results.outcomes import DONE, FAILED
 @click.option("--silicone", metavar="NAME", help="What the part was cast of, such as ecoflex-00-30: its known moduli show "
               "pressures in a wrong unit. any: in no list.  [default: the case's material]")  # fmt: skip
 @click.option("--material", "laws", default="yeoh", show_default=True, metavar="LAW,...",
-              help=f"Laws to compare: {', '.join(LAWS)}, ogden1 to ogden4, or all.")  # fmt: skip
+              help=f"Laws to compare: {known_laws()}, or all.")  # fmt: skip
 @click.option("--stretch", metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
 @click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
               help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and the curve's noise. The last two take their "
@@ -256,7 +255,7 @@ def law_choices(text: str, poisson: float) -> list[LawChoice]:
     """Read ``"yeoh,ogden2"`` or ``"all"``."""
     if not -1.0 < poisson <= 0.5:
         raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
-    names = ALL if text.strip() == "all" else [part.strip() for part in text.split(",")]
+    names = all_laws() if text.strip() == "all" else [part.strip() for part in text.split(",")]
     choices = [LawChoice.from_text(name, poisson) for name in names]
     if len({choice.name for choice in choices}) < len(choices):
         raise FitError(f"a law is named twice in {text!r}")

@@ -13,7 +13,7 @@ from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.contradiction import contradictions
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import residuals_of
-from softmodels.fitting.law_parameters import ALL, LawChoice
+from softmodels.fitting.law_parameters import LawChoice, all_parameters
 from softmodels.fitting.outlines.data import OutlineFitError, Shape, prepare, read_outlines
 from softmodels.fitting.outlines.device import device_of
 from softmodels.fitting.outlines.fit import BENCH, Bench, Fitting, OutlineResiduals
@@ -93,7 +93,9 @@ def device_report(
     for choice in choices:
         device = device_of(case, choice, comm)
         loss = "soft_l1" if options["robust"] else "linear"
-        mine = {name: change for name, change in changes.items() if name not in _law_names() or name in choice.names}
+        mine = {
+            name: change for name, change in changes.items() if name not in all_parameters() or name in choice.names
+        }
         if outlines is not None:
             shapes, more = prepare(outlines, case.actuator, device.silhouette.width)
             notes += [note for note in more if note not in notes]
@@ -171,12 +173,6 @@ def bench(options: dict[str, Any]) -> Bench:
     return Bench(tuple(dict.fromkeys(name for name in (*BENCH, *options["free"]) if name not in fixed)))
 
 
-def _law_names() -> set[str]:
-    return {"shear_modulus", "limit", "c1", "c2", "c3", "c10", "c01"} | {
-        f"{k}{i}" for k in ("mu", "alpha") for i in range(1, 5)
-    }
-
-
 def device_changes(options: dict[str, Any], known: Sequence[str]) -> dict[str, dict[str, Any]]:
     """What ``--fix``, ``--bounds`` and ``--prior`` say, by parameter; ``--fix leak`` alone keeps it at its nominal value.
 
@@ -186,13 +182,12 @@ def device_changes(options: dict[str, Any], known: Sequence[str]) -> dict[str, d
     from softmodels.cli.fit_command import read_bounds, read_prior
 
     lengths = set(known) - set(BENCH) - {"poisson"}
-    laws = [LawChoice.from_text(law) for law in ALL]
-    stresses = {name for law in laws for name in law.names if law.unit(name) == "Pa"}
+    stresses = {name for name, unit in all_parameters().items() if unit == "Pa"}
     changes: dict[str, dict[str, Any]] = {}
     for key, read in (("fixes", None), ("bounds", read_bounds), ("priors", read_prior)):
         for text in options[key]:
             name, found, value = (part.strip() for part in text.partition("="))
-            if name not in (*known, *_law_names()) and not name.startswith("gauge"):
+            if name not in (*known, *all_parameters()) and not name.startswith("gauge"):
                 raise FitError(f"there is no parameter {name!r}; the bench and the device have {', '.join(known)}")
             unit = "m" if name in lengths else "Pa" if name in stresses else UNITS.get(name, "")
             try:

@@ -8,7 +8,7 @@ import numpy as np
 
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.soundness import Judgement
-from softmodels.materials.laws import Material
+from softmodels.materials.material import Material
 from softmodels.materials.silicones import PRODUCTS, named, silicone_called
 from softmodels.materials.specimens import respond
 from softmodels.materials.spread import product_of

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softmodels.fitting.law_parameters import ALL
+from softmodels.fitting.law_parameters import all_laws
 from softmodels.fitting.problem import loss_of
 from softmodels.fitting.result import Fit
 
@@ -51,7 +51,7 @@ class Comparison:
     Attributes:
         ranked: Best first.
         preferred: The fit to take: the best, or the simplest of those that the data do not tell from it; of equally simple
-            ones the first in the order of `softmodels.fitting.law_parameters.ALL`.
+            ones the first in the order of `softmodels.fitting.law_parameters.all_laws`.
         sentence: Why.
     """
 
@@ -168,8 +168,9 @@ def _ratios(fits: Sequence[Fit]) -> list[float]:
 
 
 def _simplicity(fit: Fit) -> tuple[int, int, str]:
-    """Fewest free parameters first, then the order of `ALL`: nothing that the noise of a few readings can turn."""
-    return len(fit.free), ALL.index(fit.label) if fit.label in ALL else len(ALL), fit.label
+    """Fewest free parameters first, then the order of `all_laws`: nothing that the noise of a few readings can turn."""
+    order = all_laws()
+    return len(fit.free), order.index(fit.label) if fit.label in order else len(order), fit.label
 
 
 def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:

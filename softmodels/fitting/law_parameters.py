@@ -1,38 +1,29 @@
 """A law as something to fit: its numbers by name, their bounds, and where to start.
 
-``ogden`` with a number behind it has that many terms. Poisson's ratio is not fitted: tension alone hardly sees it.
+A law that is a sum of terms, such as ``ogden``, with a number behind its name has that many of them. Poisson's ratio is not
+fitted: tension alone hardly sees it.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
-import math
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import nnls
 
-from softmodels.fitting.least_squares import FitError, Parameter
-from softmodels.materials.laws import LAWS, Gent, Material, NeoHookean, Ogden, Yeoh
-from softmodels.materials.specimens import parameter_names
+from softmodels.fitting.problem import FitError, Parameter
+from softmodels.materials.material import LAWS, Material, MaterialError
 
 Array = npt.NDArray[np.float64]
+Design = Callable[[Material, Sequence[str]], Array]
+"""Slopes of all standardised stresses by the named parameters of a material, shape (n, m)."""
 
-MODULUS_BOUNDS = (1.0, 1e9)
-MU_BOUNDS = (1e-6, 1e12)
-ALPHA_BOUNDS = (0.05, 30.0)
-LIMIT_BOUNDS = (1e-2, 1e5)
-EXPONENTS = (0.7, 1.3, 2.0, 3.0, 4.5, 7.0, 11.0, -0.7, -1.3, -2.0, -4.0)
-"""Exponents that starts of Ogden's law are combined from."""
-TAUT = (1.02, 1.2, 2.0, 6.0, 40.0)
-"""Starts of Gent's limit, in units of the largest I1 - 3 measured."""
-MOST_TERMS = 4
 STARTS = 6
-ALL = ("neo-hookean", "mooney-rivlin", "yeoh", "ogden1", "ogden2", "ogden3", "gent")
+"""Starts of a law of several terms that are kept, of all combinations of its grid."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +33,7 @@ class LawChoice:
     Attributes:
         name: As asked for, such as ``"ogden2"``.
         law: Its class.
-        terms: Terms of Ogden's law; 0 for the others.
+        terms: Terms of a law that is a sum of them; 0 for the others.
         poisson: Poisson's ratio of the fitted material.
     """
 
@@ -53,26 +44,42 @@ class LawChoice:
 
     @classmethod
     def from_text(cls, text: str, poisson: float = 0.5) -> LawChoice:
-        """Read ``"yeoh"`` or ``"ogden2"``."""
-        found = re.fullmatch(r"ogden([1-9])?", text)
-        if found:
-            terms = int(found[1] or 2)
-            if terms > MOST_TERMS:
-                raise FitError(f"law {text!r}: at most {MOST_TERMS} terms of Ogden's law can be told apart")
-            return cls(f"ogden{terms}", Ogden, terms, poisson)
-        if text not in LAWS:
-            raise FitError(f"law {text!r} is unknown; known are {', '.join(LAWS)}, ogden1 to ogden{MOST_TERMS} and all")
-        return cls(text, LAWS[text], 0, poisson)
+        """Read ``"yeoh"`` or ``"ogden2"``.
+
+        Raises:
+            FitError: No such law, or too many terms.
+        """
+        if text in LAWS:
+            return cls.from_law(LAWS[text], poisson)
+        found = re.fullmatch(r"(.*\D)([1-9])", text)
+        law = LAWS.get(found[1]) if found else None
+        if found is None or law is None or not law.most_terms:
+            raise FitError(f"law {text!r} is unknown; known are {known_laws()} and all")
+        terms = int(found[2])
+        if terms > law.most_terms:
+            raise FitError(f"law {text!r}: at most {law.most_terms} terms of {law.title or law.name} can be told apart")
+        return cls(text, law, terms, poisson)
+
+    @classmethod
+    def from_law(cls, law: type[Material], poisson: float = 0.5) -> LawChoice:
+        """A law's class, with as many terms as are usual."""
+        name = f"{law.name}{law.usual_terms}" if law.usual_terms else law.name
+        return cls(name, law, law.usual_terms, poisson)
+
+    @classmethod
+    def of(cls, material: Material) -> LawChoice:
+        """The law of a material, with its number of terms and its Poisson's ratio."""
+        name = f"{material.name}{material.terms}" if material.terms else material.name
+        return cls(name, type(material), material.terms, material.poisson)
 
     @property
     def names(self) -> tuple[str, ...]:
-        if self.law is Ogden:
-            return tuple(f"{key}{i + 1}" for i in range(self.terms) for key in ("mu", "alpha"))
-        return parameter_names(self.law(**{f.name: 1.0 for f in dataclasses.fields(self.law) if f.name != "poisson"}))
+        """Names of the numbers that a fit may change, Poisson's ratio left out."""
+        return self.law.parameter_names(self.terms)
 
     def unit(self, name: str) -> str:
-        fields = {field.name: field.metadata["unit"] for field in dataclasses.fields(self.law)}
-        return str(fields[name] if name in fields else fields[name.rstrip("0123456789")])
+        """Unit of one of `names`."""
+        return self.law.parameter_unit(name)
 
     def material(self, values: Mapping[str, float]) -> Material:
         """The material with these numbers.
@@ -80,54 +87,44 @@ class LawChoice:
         Raises:
             MaterialError: The law cannot take them.
         """
-        if self.law is Ogden:
-            mu, alpha = (tuple(values[f"{key}{i + 1}"] for i in range(self.terms)) for key in ("mu", "alpha"))
-            return Ogden(mu, alpha, self.poisson)
-        make: Any = self.law
-        return make(**{name: values[name] for name in self.names}, poisson=self.poisson)  # type: ignore[no-any-return]
+        return self.law.from_parameters(values, self.terms, self.poisson)
 
     def parameters(self, start: Mapping[str, float]) -> tuple[Parameter, ...]:
-        """Parameters with the law's own bounds about a start.
-
-        Ogden's mu_i keeps the sign of its alpha_i, which is what makes every term stable (Ogden 1972).
-        """
-        return tuple(Parameter(name, self.unit(name), start[name], *self._bounds(name, start)) for name in self.names)
-
-    def _bounds(self, name: str, start: Mapping[str, float]) -> tuple[float, float]:
-        if name == "shear_modulus":
-            return MODULUS_BOUNDS
-        if name == "limit":
-            return LIMIT_BOUNDS
-        if self.law is Ogden:
-            positive = start[f"alpha{name[-1]}"] > 0.0
-            low, high = ALPHA_BOUNDS if name.startswith("alpha") else MU_BOUNDS
-            return (low, high) if positive else (-high, -low)
-        return (0.0, math.inf) if name == "c1" else (-math.inf, math.inf)
+        """Parameters with the law's own bounds about a start."""
+        return tuple(
+            Parameter(name, self.unit(name), start[name], *self.law.parameter_bounds(name, start))
+            for name in self.names
+        )
 
     def from_modulus(self, modulus: float, most: float = 10.0) -> dict[str, float]:
         """A start from the small-strain shear modulus in Pa alone; ``most`` is the largest I1 - 3 expected."""
-        if self.law in (NeoHookean, Gent):
-            return {"shear_modulus": modulus, "limit": 5 * most} if self.law is Gent else {"shear_modulus": modulus}
-        if self.law is Ogden:
-            alphas = (2.0, 5.0, -2.0, 9.0)[: self.terms]
-            shares = (0.9, 0.05, 0.05, 0.01)[: self.terms] if self.terms > 1 else (1.0,)
-            pairs = zip(alphas, shares, strict=True)
-            return {
-                key: value
-                for i, (alpha, share) in enumerate(pairs, 1)
-                for key, value in ((f"mu{i}", 2 * modulus * share / alpha), (f"alpha{i}", alpha))
-            }
-        if self.law is Yeoh:
-            return {"c1": modulus / 2, "c2": 0.01 * modulus / most, "c3": 0.0}
-        return {"c10": 0.4 * modulus, "c01": 0.1 * modulus}
+        return self.law.starting_values(modulus, most, self.terms)
 
 
-def closed_starts(choice: LawChoice, design: Any, target: Array, modulus: float, most: float) -> list[dict[str, float]]:
+def all_laws() -> tuple[str, ...]:
+    """Names of the laws, with their numbers of terms, that ``all`` compares; the order decides between equally simple ones."""
+    return tuple(f"{name}{terms or ''}" for name, law in LAWS.items() for terms in law.compared_terms)
+
+
+def known_laws() -> str:
+    """The names that `LawChoice.from_text` knows."""
+    several = [f"{name}1 to {name}{law.most_terms}" for name, law in LAWS.items() if law.most_terms]
+    return ", ".join([*LAWS, *several])
+
+
+def all_parameters() -> dict[str, str]:
+    """Units of all parameters of all laws, however many terms these have, by name."""
+    return {name: law.parameter_unit(name) for law in LAWS.values() for name in law.parameter_names(law.most_terms)}
+
+
+def closed_starts(
+    choice: LawChoice, design: Design, target: Array, modulus: float, most: float
+) -> list[dict[str, float]]:
     """Starts by linear least squares, where a law is linear in its numbers, or over a grid of those in which it is not.
 
     Args:
         choice: The law.
-        design: Function of a material and names that gives the slopes of all standardised stresses by them, (n, m).
+        design: Gives the slopes of all standardised stresses.
         target: Standardised measured stresses, shape (n,).
         modulus: Small-strain shear modulus in Pa of the data.
         most: Largest I1 - 3 of the data.
@@ -136,47 +133,59 @@ def closed_starts(choice: LawChoice, design: Any, target: Array, modulus: float,
         Best first.
     """
     plain = choice.from_modulus(modulus, most)
-    if choice.law is Gent:
-        return [{"shear_modulus": modulus, "limit": factor * most} for factor in TAUT]
-    if choice.law is Ogden:
-        return [*_ogden_starts(choice, design, target, modulus), plain]
+    if choice.terms:
+        return [*_term_starts(choice, design, target, modulus), plain]
+    if not choice.law.linear:
+        return choice.law.starting_grid(modulus, most)
     A = design(choice.material(plain), choice.names)
     size = np.linalg.norm(A, axis=0)
     found, *_ = np.linalg.lstsq(A / size, target, rcond=None)
     start = dict(zip(choice.names, (found / size).tolist(), strict=True))
-    first = choice.names[0]
-    if choice.law is not LAWS["mooney-rivlin"] and start[first] <= 0.0:
-        start[first] = 0.1 * modulus
+    for name, value in plain.items():
+        low, high = choice.law.parameter_bounds(name, start)
+        if not low < start[name] < high:
+            start[name] = 0.1 * modulus if choice.unit(name) == "Pa" else value
     return [start, plain]
 
 
-def _ogden_starts(choice: LawChoice, design: Any, target: Array, modulus: float) -> list[dict[str, float]]:
-    """Non-negative least squares for mu_i alpha_i over combinations of exponents; the best few."""
-    columns = {a: np.sign(a) * design(Ogden((a * modulus,), (a,), 0.5), ("mu1",))[:, 0] for a in EXPONENTS}
+def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: float) -> list[dict[str, float]]:
+    """Non-negative least squares for the terms' factors over combinations of their shape parameters' grid; the best few.
+
+    Each factor has the sign that gives its term a shear modulus above zero (Ogden's mu_i alpha_i).
+    """
+    fields = {field.name: field.metadata for field in dataclasses.fields(choice.law) if field.metadata["many"]}
+    factor = next(name for name, about in fields.items() if about["unit"] == "Pa")
+    shape = next(name for name, about in fields.items() if about["grid"])
+    grid = fields[shape]["grid"]
+    signs, columns, moduli = {}, {}, {}
+    for value in grid:
+        for sign in (1.0, -1.0):
+            try:
+                term = choice.law.from_parameters({f"{factor}1": sign * modulus, f"{shape}1": value}, 1)
+            except MaterialError:
+                continue
+            signs[value], moduli[value] = sign, term.shear_modulus_0 / modulus
+            columns[value] = sign * design(term, (f"{factor}1",))[:, 0]
     tried = []
-    for alphas in itertools.combinations(EXPONENTS, choice.terms):
-        A = np.column_stack([columns[a] for a in alphas])
+    for shapes in itertools.combinations(columns, choice.terms):
+        A = np.column_stack([columns[value] for value in shapes])
         size = np.linalg.norm(A, axis=0)
         found, misfit = nnls(A / size, target)
         # A term that the grid leaves out starts small, not at its bound.
-        sizes = np.maximum(found / size, 1e-3 * modulus / np.abs(alphas))
-        tried.append((misfit, alphas, np.sign(alphas) * sizes))
+        sizes = np.maximum(found / size, 5e-4 * modulus / np.array([moduli[value] for value in shapes]))
+        tried.append((misfit, shapes, np.array([signs[value] for value in shapes]) * sizes))
     tried.sort(key=lambda one: one[0])
-    starts = []
-    for _, alphas, mus in tried[:STARTS]:
-        pairs = zip(mus.tolist(), alphas, strict=True)
-        starts.append({k: v for i, (mu, a) in enumerate(pairs, 1) for k, v in ((f"mu{i}", mu), (f"alpha{i}", a))})
-    return starts
+    return [
+        {key: value for i, pair in enumerate(zip(factors.tolist(), shapes, strict=True), 1)
+         for key, value in zip((f"{factor}{i}", f"{shape}{i}"), pair, strict=True)}
+        for _, shapes, factors in tried[:STARTS]
+    ]  # fmt: skip
 
 
-def signs(start: Mapping[str, float]) -> tuple[bool, ...]:
-    """The signs of Ogden's exponents in a start, which its bounds keep; empty for the other laws."""
-    return tuple(value > 0.0 for name, value in start.items() if name.startswith("alpha"))
-
-
-def distinct(starts: Sequence[Mapping[str, float]]) -> dict[tuple[bool, ...], list[Mapping[str, float]]]:
-    """Starts by `signs`: those that one set of bounds holds."""
-    grouped: dict[tuple[bool, ...], list[Mapping[str, float]]] = {}
+def by_bounds(choice: LawChoice, starts: Sequence[Mapping[str, float]]) -> list[list[Mapping[str, float]]]:
+    """Starts in groups that one set of bounds holds: the signs of Ogden's exponents stay what they are where a fit starts."""
+    grouped: dict[tuple[tuple[float, float], ...], list[Mapping[str, float]]] = {}
     for start in starts:
-        grouped.setdefault(signs(start), []).append(start)
-    return grouped
+        bounds = tuple(choice.law.parameter_bounds(name, start) for name in choice.names)
+        grouped.setdefault(bounds, []).append(start)
+    return list(grouped.values())

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import StressError
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.materials.laws import Material, Ogden
-from softmodels.materials.specimens import parameter_names, respond
+from softmodels.materials.material import Material
+from softmodels.materials.specimens import respond
 
 Array = npt.NDArray[np.float64]
 
@@ -93,11 +93,11 @@ def score_outlines(name: str, material: Material, case: Any, outlines: Sequence[
     from softmodels.fitting.outlines.device import device_of
     from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fit_outlines
 
-    choice = choice_of(material)
+    choice = LawChoice.of(material)
     device = device_of(case, choice, comm)
     shapes, _ = prepare(outlines, case.actuator, device.silhouette.width)
     source = OutlineResiduals(device, shapes)
-    fixed = {key: {"start": value, "fixed": True} for key, value in values_of(material).items()}
+    fixed = {key: {"start": value, "fixed": True} for key, value in material.parameters.items()}
     fit = fit_outlines(source, changes=fixed)
     fittings = source.fittings(fit.values)
     sizes = fit.residuals[: fit.count]
@@ -114,21 +114,6 @@ def score_outlines(name: str, material: Material, case: Any, outlines: Sequence[
     label = f"{len(shapes)} outlines of {case.name}"
     freedom = max(len(fit.residuals) - len(fit.free), 1)
     return Score(name, label, fit.count, _rms(off), "m", fit.deviance / freedom, _covered(sizes), worst)
-
-
-def choice_of(material: Material) -> LawChoice:
-    """The law of a material, with its number of terms and its Poisson's ratio."""
-    if isinstance(material, Ogden):
-        return LawChoice(f"ogden{len(material.mu)}", Ogden, len(material.mu), material.poisson)
-    return LawChoice(material.name, type(material), 0, material.poisson)
-
-
-def values_of(material: Material) -> dict[str, float]:
-    """A material's numbers by the names that a fit gives them, Poisson's ratio left out."""
-    if isinstance(material, Ogden):
-        pairs = enumerate(zip(material.mu, material.alpha, strict=True), 1)
-        return {key: value for i, (mu, alpha) in pairs for key, value in ((f"mu{i}", mu), (f"alpha{i}", alpha))}
-    return {name: float(getattr(material, name)) for name in parameter_names(material)}
 
 
 def _rms(values: Array) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from softmodels.fitting.problem import Parameter
 from softmodels.fitting.result import Fit
-from softmodels.materials.laws import MaterialError
+from softmodels.materials.material import MaterialError
 
 NORMAL = 1.96
 """Half a 95 % interval in standard errors."""

@@ -20,7 +20,8 @@ from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.profile import Profile
 from softmodels.fitting.result import Fit
 from softmodels.fitting.soundness import NOTHING, Judgement, objections
-from softmodels.materials.laws import Material, Ogden
+from softmodels.materials.material import Material
+from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
 from softmodels.materials.stability import Verdict
 
@@ -125,20 +126,6 @@ class Report:
         )
 
 
-def shown(value: float, unit: str, error: float = math.nan) -> tuple[str, str]:
-    """A value and its unit for reading: stresses in the unit that suits their size, digits that suit their error."""
-    factor, name = 1.0, unit
-    if unit == "Pa":
-        size = abs(value)
-        factor, name = (1e-6, "MPa") if size >= 1e6 else (1e-3, "kPa") if size >= 10.0 else (1.0, "Pa")
-    if unit == "m":
-        factor, name = 1e3, "mm"
-    digits = 4
-    if math.isfinite(error) and 0.0 < error < abs(value):
-        digits = min(max(math.ceil(math.log10(abs(value) / error)) + 2, 2), 9)
-    return f"{value * factor:.{digits}g}", name
-
-
 def parameter_rows(one: Fitted) -> list[tuple[str, str, str, str]]:
     """Parameter, value, unit and 95 % interval, as texts."""
     rows = []
@@ -146,7 +133,7 @@ def parameter_rows(one: Fitted) -> list[tuple[str, str, str, str]]:
         if p.hidden:
             continue
         value = one.fit.values[p.name]
-        text, unit = shown(value, p.unit, one.fit.error(p.name))
+        text, unit = with_prefix(value, p.unit, one.fit.error(p.name))
         if p.fixed:
             rows.append((p.name, text, unit, "fixed"))
             continue
@@ -183,20 +170,11 @@ def residual_rows(one: Fitted) -> list[tuple[str, str, str, str, str]]:
     return rows  # type: ignore[return-value]
 
 
-def other_convention(one: Fitted) -> str:
-    """Ogden's factors in the convention of many other programs; empty for other laws."""
-    if not isinstance(one.material, Ogden):
-        return ""
-    pairs = zip(one.material.mu, one.material.alpha, strict=True)
-    values = ", ".join(" ".join(shown(mu * alpha / 2, "Pa")) for mu, alpha in pairs)
-    return f"mu is meant as W = sum mu/alpha (...); in the convention 2mu/alpha^2 the factors are {values}"
-
-
 def as_text(report: Report) -> str:
     """The report for a terminal."""
     lines = [*report.ranges, report.how, ""]
     for one in report.laws:
-        modulus, unit = shown(one.material.shear_modulus_0, "Pa")
+        modulus, unit = with_prefix(one.material.shear_modulus_0, "Pa")
         lines.append(
             f"{one.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {one.material.poisson:g} (given)"
         )
@@ -209,7 +187,7 @@ def as_text(report: Report) -> str:
             lines.append(f"  correlation of {name}: " + ", ".join(f"{p.name} {text}" for p, text in pairs))
         for name, rms, mean, largest, run in residual_rows(one):
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residuals keep together over {run}")
-        lines += [f"  {text}" for text in (other_convention(one),) if text]
+        lines += [f"  {text}" for text in (one.material.remark,) if text]
         lines += [f"  {'not sound' if text in one.objections else 'warning'}: {text}" for text in one.warnings]
         lines += [f"  {text}" for text in (*one.fit.unseen, *one.verdict.notes)]
         lines.append("")

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.materials.laws import Material
+from softmodels.materials.material import Material
 from softmodels.materials.specimens import MODE_NAMES, Response, respond, strain_of
 from softmodels.materials.stability import Verdict, judge
 

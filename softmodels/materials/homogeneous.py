@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.materials.laws import Material
+from softmodels.materials.material import Material
 from softmodels.materials.strain import HomogeneousStrain
 
 Array = npt.NDArray[np.float64]

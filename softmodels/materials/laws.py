@@ -1,86 +1,36 @@
-"""Hyperelastic laws: one frozen dataclass each, its energy in two lines.
+"""Hyperelastic laws: one frozen dataclass each, which carries all that is known of it.
 
 Every law is an energy per reference volume W = shape(F) + bulk/2 (J - 1)^2, stress-free at F = I. The shape part is what a
 law states; the volumetric part is common, and becomes p (J - 1) - p^2 / (2 bulk) in the mixed form, so that
-``poisson = 0.5`` (an infinite bulk) is an ordinary value there.
-
-`shape` is a static method of the strain and of anything that carries the law's parameters by name: the dataclass itself
-(numpy) or UFL constants of the same names (so a new parameter value compiles nothing).
-
-A new law is one class here and one line in `LAWS`.
+``poisson = 0.5`` (an infinite bulk) is an ordinary value there. See `softmodels.materials.material` for how to add a law.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from softmodels.materials.material import (
+    LAWS,
+    Material,
+    MaterialError,
+    Values,
+    parameter,
+    poissons_ratio,
+    register,
+)
+from softmodels.materials.quantities import with_prefix
 from softmodels.materials.strain import StrainMeasures
 
+__all__ = ["LAWS", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh"]
 
-class MaterialError(ValueError):
-    """An impossible or unknown material; the message is a sentence for the user."""
-
-
-def _parameter(unit: str, text: str, default: Any = dataclasses.MISSING) -> Any:
-    return dataclasses.field(default=default, metadata={"unit": unit, "help": text})
+MODULUS_BOUNDS = (1.0, 1e9)
+"""Bounds of a fit on a shear modulus in Pa."""
 
 
-def _poisson() -> Any:
-    return _parameter("", "Poisson's ratio at small strain, -1 to 0.5", 0.49)
-
-
-@dataclasses.dataclass(frozen=True)
-class Material:
-    """Interface of a law. Parameters are in Pa or dimensionless; see each class."""
-
-    name: ClassVar[str]
-
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            values = getattr(self, field.name)
-            for value in values if isinstance(values, tuple) else (values,):
-                if not math.isfinite(value):
-                    raise MaterialError(f"{self.name}: {field.name} = {value} is not a finite number")
-        if not -1.0 < self.poisson <= 0.5:
-            raise MaterialError(f"{self.name}: poisson = {self.poisson:g} is outside -1 to 0.5")
-        self.check()
-        if not self.shear_modulus_0 > 0.0:
-            raise MaterialError(
-                f"{self.name}: the shear modulus at small strain is {self.shear_modulus_0:g} Pa; it must be above zero"
-            )
-
-    def check(self) -> None:
-        """Raise `MaterialError` for parameters this law cannot take."""
-
-    @staticmethod
-    def shape(strain: StrainMeasures, m: Any) -> Any:
-        """Energy of the change of shape in Pa; ``m`` carries the parameters by name."""
-        raise NotImplementedError
-
-    @property
-    def poisson(self) -> float:
-        raise NotImplementedError
-
-    @property
-    def shear_modulus_0(self) -> float:
-        """Shear modulus in Pa at small strain."""
-        raise NotImplementedError
-
-    @property
-    def bulk(self) -> float:
-        """Factor in Pa of (J - 1)^2 / 2; infinite at ``poisson = 0.5``. The bulk modulus, where `shape` is isochoric."""
-        if self.poisson == 0.5:
-            return math.inf
-        return 2 * self.shear_modulus_0 * (1 + self.poisson) / (3 * (1 - 2 * self.poisson))
-
-    def energy(self, strain: StrainMeasures) -> Any:
-        """Energy in Pa of a compressible deformation. With an infinite bulk only J = 1 has one, and it is the shape's."""
-        shape = self.shape(strain, self)
-        return shape if math.isinf(self.bulk) else shape + self.bulk / 2 * (strain.J - 1) ** 2
-
-
+@register
 @dataclasses.dataclass(frozen=True)
 class NeoHookean(Material):
     """Neo-Hookean silicone, compressible: the thesis' law made stress-free.
@@ -91,8 +41,14 @@ class NeoHookean(Material):
     """
 
     name: ClassVar[str] = "neo-hookean"
-    shear_modulus: float = _parameter("Pa", "shear modulus mu")
-    poisson: float = _poisson()  # type: ignore[assignment]
+    linear: ClassVar[bool] = True
+    alternatives: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "young": ("Pa", "Young's modulus, in place of the shear modulus"),
+        "c1": ("Pa", "the thesis' C1 = mu/2"),
+        "d1": ("Pa", "the thesis' D1 = lambda/2, with --c1 = mu/2, in place of modulus and Poisson's ratio"),
+    }
+    shear_modulus: float = parameter("Pa", "shear modulus mu", bounds=MODULUS_BOUNDS)
+    poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     @staticmethod
     def shape(strain: StrainMeasures, m: Any) -> Any:
@@ -109,6 +65,21 @@ class NeoHookean(Material):
         return math.inf if nu == 0.5 else 2 * self.shear_modulus * nu / (1 - 2 * nu)
 
     @classmethod
+    def from_values(cls, values: Values, convention: str = "") -> NeoHookean:
+        if values.keys() <= {"shear_modulus", "poisson"}:
+            return cls(**values)
+        if values.keys() <= {"young", "poisson"}:
+            if values.get("poisson") == -1.0:
+                raise MaterialError("neo-hookean: poisson = -1 is outside -1 to 0.5")  # ahead of a division by zero
+            return cls.from_young(**values)
+        if values.keys() == {"c1", "d1"}:
+            return cls.from_c1_d1(**values)
+        raise MaterialError(
+            "neo-hookean takes shear_modulus and poisson, or young and poisson, or c1 and d1; "
+            f"got {', '.join(sorted(values))}"
+        )
+
+    @classmethod
     def from_young(cls, young: float, poisson: float = 0.49) -> NeoHookean:
         """From Young's modulus in Pa: mu = E / (2 (1 + nu))."""
         return cls(young / (2 * (1 + poisson)), poisson)
@@ -121,14 +92,16 @@ class NeoHookean(Material):
         return cls(2 * c1, d1 / (2 * (c1 + d1)))
 
 
+@register
 @dataclasses.dataclass(frozen=True)
 class MooneyRivlin(Material):
     """Mooney-Rivlin: W = c10 (I1_bar - 3) + c01 (I2_bar - 3); mu = 2 (c10 + c01). Rivlin 1948, doi 10.1098/rsta.1948.0024."""
 
     name: ClassVar[str] = "mooney-rivlin"
-    c10: float = _parameter("Pa", "factor of I1 - 3")
-    c01: float = _parameter("Pa", "factor of I2 - 3", 0.0)
-    poisson: float = _poisson()  # type: ignore[assignment]
+    linear: ClassVar[bool] = True
+    c10: float = parameter("Pa", "factor of I1 - 3")
+    c01: float = parameter("Pa", "factor of I2 - 3", 0.0)
+    poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     @staticmethod
     def shape(strain: StrainMeasures, m: Any) -> Any:
@@ -138,16 +111,22 @@ class MooneyRivlin(Material):
     def shear_modulus_0(self) -> float:
         return 2 * (self.c10 + self.c01)
 
+    @classmethod
+    def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
+        return {"c10": 0.4 * modulus, "c01": 0.1 * modulus}
 
+
+@register
 @dataclasses.dataclass(frozen=True)
 class Yeoh(Material):
     """Yeoh: W = c1 k + c2 k^2 + c3 k^3 with k = I1_bar - 3; mu = 2 c1. Yeoh 1993, doi 10.5254/1.3538343."""
 
     name: ClassVar[str] = "yeoh"
-    c1: float = _parameter("Pa", "factor of I1 - 3: half the shear modulus")
-    c2: float = _parameter("Pa", "factor of (I1 - 3)^2", 0.0)
-    c3: float = _parameter("Pa", "factor of (I1 - 3)^3", 0.0)
-    poisson: float = _poisson()  # type: ignore[assignment]
+    linear: ClassVar[bool] = True
+    c1: float = parameter("Pa", "factor of I1 - 3: half the shear modulus", bounds=(0.0, math.inf))
+    c2: float = parameter("Pa", "factor of (I1 - 3)^2", 0.0)
+    c3: float = parameter("Pa", "factor of (I1 - 3)^3", 0.0)
+    poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     @staticmethod
     def shape(strain: StrainMeasures, m: Any) -> Any:
@@ -158,7 +137,12 @@ class Yeoh(Material):
     def shear_modulus_0(self) -> float:
         return 2 * self.c1
 
+    @classmethod
+    def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
+        return {"c1": modulus / 2, "c2": 0.01 * modulus / strain, "c3": 0.0}
 
+
+@register
 @dataclasses.dataclass(frozen=True)
 class Ogden(Material):
     """Ogden: W = sum_i mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), isochoric stretches; mu = sum mu_i alpha_i / 2.
@@ -168,9 +152,20 @@ class Ogden(Material):
     """
 
     name: ClassVar[str] = "ogden"
-    mu: tuple[float, ...] = _parameter("Pa", "factors mu_i of W = sum mu_i/alpha_i (...), with commas")
-    alpha: tuple[float, ...] = _parameter("", "exponents alpha_i, with commas")
-    poisson: float = _poisson()  # type: ignore[assignment]
+    title: ClassVar[str] = "Ogden's law"
+    most_terms: ClassVar[int] = 4
+    usual_terms: ClassVar[int] = 2
+    compared_terms: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    conventions: ClassVar[tuple[str, ...]] = ("mu/alpha", "2mu/alpha^2")
+    convention_help: ClassVar[str] = "how mu and alpha are meant: W = sum mu/alpha (...) or sum 2mu/alpha^2 (...)"
+    mu: tuple[float, ...] = parameter(
+        "Pa", "factors mu_i of W = sum mu_i/alpha_i (...), with commas", bounds=(1e-6, 1e12), many=True
+    )
+    alpha: tuple[float, ...] = parameter(
+        "", "exponents alpha_i, with commas", bounds=(0.05, 30.0), many=True,
+        grid=(0.7, 1.3, 2.0, 3.0, 4.5, 7.0, 11.0, -0.7, -1.3, -2.0, -4.0),
+    )  # fmt: skip
+    poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     def check(self) -> None:
         if len(self.mu) != len(self.alpha) or not self.mu:
@@ -192,6 +187,31 @@ class Ogden(Material):
         return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
 
     @classmethod
+    def parameter_bounds(cls, name: str, start: Mapping[str, float]) -> tuple[float, float]:
+        """mu_i keeps the sign of its alpha_i, and this its own, which is what makes every term stable (Ogden 1972)."""
+        low, high = super().parameter_bounds(name, start)
+        number = name.removeprefix("alpha").removeprefix("mu")
+        return (low, high) if start[f"alpha{number}"] > 0.0 else (-high, -low)
+
+    @classmethod
+    def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 2) -> dict[str, float]:
+        shares = (0.9, 0.05, 0.05, 0.01)[:terms] if terms > 1 else (1.0,)
+        values: dict[str, float] = {}
+        for i, (alpha, share) in enumerate(zip((2.0, 5.0, -2.0, 9.0)[:terms], shares, strict=True), 1):
+            values |= {f"mu{i}": 2 * modulus * share / alpha, f"alpha{i}": alpha}
+        return values
+
+    @property
+    def remark(self) -> str:
+        factors = (" ".join(with_prefix(mu * a / 2, "Pa")) for mu, a in zip(self.mu, self.alpha, strict=True))
+        own, other = self.conventions
+        return f"mu is meant as W = sum {own} (...); in the convention {other} the factors are {', '.join(factors)}"
+
+    @classmethod
+    def from_values(cls, values: Values, convention: str = "") -> Ogden:
+        return cls.from_two_mu(**values) if convention == cls.conventions[1] else cls(**values)
+
+    @classmethod
     def from_two_mu(cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = 0.49) -> Ogden:
         """From the convention W = sum 2 mu_i/alpha_i^2 (...), in which the shear modulus is the sum of the mu_i (Pa)."""
         if len(mu) != len(alpha) or 0.0 in alpha:
@@ -204,14 +224,15 @@ def _terms(values: Any) -> range:
     return range(shape[0] if shape else len(values))
 
 
+@register
 @dataclasses.dataclass(frozen=True)
 class Gent(Material):
     """Gent: W = -mu/2 Jm ln(1 - (I1_bar - 3)/Jm); chains are taut at I1_bar = 3 + Jm. Gent 1996, doi 10.5254/1.3538357."""
 
     name: ClassVar[str] = "gent"
-    shear_modulus: float = _parameter("Pa", "shear modulus mu")
-    limit: float = _parameter("", "Jm: the largest I1 - 3 the chains allow")
-    poisson: float = _poisson()  # type: ignore[assignment]
+    shear_modulus: float = parameter("Pa", "shear modulus mu", bounds=MODULUS_BOUNDS)
+    limit: float = parameter("", "Jm: the largest I1 - 3 the chains allow", bounds=(1e-2, 1e5))
+    poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     def check(self) -> None:
         if self.limit <= 0.0:
@@ -225,6 +246,14 @@ class Gent(Material):
     def shear_modulus_0(self) -> float:
         return self.shear_modulus
 
+    @property
+    def strain_limit(self) -> float:
+        return self.limit
 
-LAWS: dict[str, type[Material]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Ogden, Gent)}
-"""Every law by the name that a command line or a case file uses."""
+    @classmethod
+    def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
+        return {"shear_modulus": modulus, "limit": 5 * strain}
+
+    @classmethod
+    def starting_grid(cls, modulus: float, strain: float) -> list[dict[str, float]]:
+        return [{"shear_modulus": modulus, "limit": share * strain} for share in (1.02, 1.2, 2.0, 6.0, 40.0)]

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from softmodels.materials.laws import Material, Ogden, Yeoh
+from softmodels.materials.laws import Ogden, Yeoh
+from softmodels.materials.material import Material
 
 PSI = 6894.757293168
 """Pa."""

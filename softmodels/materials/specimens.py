@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from softmodels.materials.dual import Dual, DualStrain
 from softmodels.materials.homogeneous import MODES
-from softmodels.materials.laws import Material
+from softmodels.materials.material import Material
 
 Array = npt.NDArray[np.float64]
 _STEP = 1e-30  # so small that its square vanishes beside 1: the difference quotient has no error of its own
@@ -50,16 +50,6 @@ class Response:
             return self.by_stretch()
 
 
-def parameter_names(material: Material) -> tuple[str, ...]:
-    """Names of a material's numbers but for Poisson's ratio: its fields, tuples counted through (``mu1``, ``alpha1``...)."""
-    names: list[str] = []
-    for field in dataclasses.fields(material):
-        value = getattr(material, field.name)
-        if field.name != "poisson":
-            names += [f"{field.name}{i + 1}" for i in range(len(value))] if isinstance(value, tuple) else [field.name]
-    return tuple(names)
-
-
 def respond(material: Material, stretch: Any, mode: str = "uniaxial", parameters: Sequence[str] = ()) -> Response:
     """Pull a specimen.
 
@@ -67,7 +57,7 @@ def respond(material: Material, stretch: Any, mode: str = "uniaxial", parameters
         material: The law; at ``poisson = 0.5`` the specimen is incompressible.
         stretch: Imposed stretch, shape (n,).
         mode: One of `MODE_NAMES`.
-        parameters: Names (see `parameter_names`, or ``poisson``) to differentiate by.
+        parameters: Names (see `Material.parameter_names`, or ``poisson``) to differentiate by.
     """
     if mode not in MODES:
         raise ValueError(f"mode {mode!r} is not one of {', '.join(MODES)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 
-from softmodels.materials.laws import Material
+from softmodels.materials.material import Material
 from softmodels.materials.silicones import OTHER_NAMES, PRODUCTS, SILICONES, Silicone, named
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.materials.homogeneous import balloon_limit
-from softmodels.materials.laws import Gent, Material, MaterialError
+from softmodels.materials.material import Material, MaterialError
 from softmodels.materials.specimens import MODE_NAMES, log_strain_stiffness
 
 Array = npt.NDArray[np.float64]
@@ -122,8 +122,9 @@ def _first(material: Material, mode: str, stretches: Array) -> Instability | Non
 
 
 def last_stretch(material: Material, mode: str) -> float:
-    """Stretch at which Gent's chains are taut, in a mode; infinite for other laws."""
-    if not isinstance(material, Gent):
+    """Stretch in a mode at which the energy ends (`Material.strain_limit`: chains are taut); infinite where it does not."""
+    limit = material.strain_limit
+    if math.isinf(limit):
         return math.inf
     from scipy.optimize import brentq
 
@@ -134,9 +135,9 @@ def last_stretch(material: Material, mode: str) -> float:
             "equibiaxial": (2.0, -4.0, 2.0, 1.0),
         }
         a, b, many, others = power[mode]
-        return many * stretch**a + others * stretch**b + (mode == "planar") - 3 - material.limit
+        return many * stretch**a + others * stretch**b + (mode == "planar") - 3 - limit
 
-    return float(brentq(left, 1.0, 2 + 2 * math.sqrt(material.limit + 3)))
+    return float(brentq(left, 1.0, 2 + 2 * math.sqrt(limit + 3)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,7 +170,7 @@ def judge(material: Material, strain: float) -> Verdict:
         notes.append(f"stable (Drucker) within this range; beyond it not in {weak[0]}")
     else:
         notes.append(f"stable (Drucker) in every mode from stretch {1 / FURTHEST:g} to {FURTHEST:g}")
-    if isinstance(material, Gent):
+    if math.isfinite(material.strain_limit):
         ends = ", ".join(f"{mode} {last_stretch(material, mode):.3g}" for mode in MODE_NAMES)
         notes.append(f"the chains are taut at stretch: {ends}; nothing deforms further")
     try:

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.materials.laws import Material
-from softmodels.materials.specimens import nudged, parameter_names
+from softmodels.materials.specimens import nudged
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.morphing import Reshaping
 from softmodels.mechanics.solver import Equilibrium, Tangent
@@ -51,7 +51,7 @@ class Rate:
 
 def known_parameters(material: Material) -> tuple[str, ...]:
     """Names a state can be differentiated by: the law's numbers (``c1``; ``mu1``, ``alpha1`` ...) and ``poisson``."""
-    return (*parameter_names(material), "poisson")
+    return (*material.parameters, "poisson")
 
 
 class Sensitivity:

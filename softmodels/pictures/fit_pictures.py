@@ -18,11 +18,10 @@ from softmodels.fitting.tables import (
     Fitted,
     Report,
     correlation_rows,
-    other_convention,
     parameter_rows,
     residual_rows,
-    shown,
 )
+from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
 from softmodels.pictures.pages import DPI, FAINT, INK, STYLE, WARNING, WIDTH
 
@@ -96,7 +95,7 @@ def draw_profiles(one: Fitted) -> Figure:
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, profile in zip(grid, one.profiles.values(), strict=False):
         best = one.fit.values[profile.name]
-        _, unit = shown(best, profile.unit)
+        _, unit = with_prefix(best, profile.unit)
         factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
         axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=COLOURS[0], label="profile")
         error = one.fit.error(profile.name)
@@ -172,7 +171,7 @@ def page(report: Report, images: dict[str, bytes]) -> str:
         parts.append(_table(("law", "parameters", "AICc", "BIC"), rows))
     parts += [_image(name, images) for name in images if not name.startswith("profiles-")]
     for one in report.laws:
-        modulus, unit = shown(one.material.shear_modulus_0, "Pa")
+        modulus, unit = with_prefix(one.material.shear_modulus_0, "Pa")
         parts.append(f"<h2>{one.choice.name}</h2><p>Shear modulus at small strain {modulus} {unit}.</p>")
         parts.append(_table(("parameter", "value", "unit", "95 % interval"), parameter_rows(one)))
         if correlations := correlation_rows(one):
@@ -181,7 +180,7 @@ def page(report: Report, images: dict[str, bytes]) -> str:
             parts.append(_table(heads, [[*row, *[""] * (width - len(row))] for row in correlations]))
         parts.append(_table(("residuals", "rms", "mean", "largest", "keep together over"), residual_rows(one)))
         parts.append(_list(one.warnings, "w"))
-        said = (other_convention(one), *one.judgement.notes, *one.fit.unseen, *one.verdict.notes)
+        said = (one.material.remark, *one.judgement.notes, *one.fit.unseen, *one.verdict.notes)
         parts.append(_list([text for text in said if text]))
         parts.append(_image(f"profiles-{one.choice.name}.png", images))
     return PAGE.format(viewport=VIEWPORT, style=RULES, body="\n".join(part for part in parts if part))

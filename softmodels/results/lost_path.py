@@ -7,7 +7,6 @@ from typing import Any
 
 from softmodels.case.case import Case
 from softmodels.materials.stability import described, last_stretch, weakest, weakness
-from softmodels.materials.laws import Gent
 
 NEAR = 0.95
 """Share of the stretch where a law loses its stability, or its chains are taut, from which that is what ended the path."""
@@ -36,7 +35,7 @@ def known_causes(case: Case, figures: Mapping[str, Any], petsc: bool = False) ->
             "stable state, which no mesh and no step mends. Take a law that is stable over the stretches of this run "
             "(softmodels curve shows them; a fit over a wider range, or neo-hookean), or stay below"
         )
-    if isinstance(case.material, Gent) and stretch >= NEAR * last_stretch(case.material, "equibiaxial"):
+    if stretch >= NEAR * last_stretch(case.material, "equibiaxial"):
         ends = ", ".join(f"{last_stretch(case.material, mode):.3g} ({mode})" for mode in ("uniaxial", "equibiaxial"))
         found.append(
             f"the chains of the law {described(case.material)} are taut at stretch {ends}, and the last state has "

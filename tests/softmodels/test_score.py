@@ -12,7 +12,8 @@ from softmodels.__main__ import softmodels as whole_command
 from softmodels.cli.options import main
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import StressError
-from softmodels.fitting.scoring import choice_of, score_curve, values_of
+from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.scoring import score_curve
 from softmodels.materials.laws import Gent, NeoHookean, Ogden, Yeoh
 from softmodels.materials.specimens import respond
 
@@ -49,7 +50,7 @@ def test_a_wrong_material_is_clearly_worse():
 
 @pytest.mark.parametrize("law", [LAW, Ogden((15e3, 30.0), (1.4, 5.5), 0.5), Gent(20e3, 60.0, 0.49)])
 def test_a_law_goes_through_its_numbers(law):
-    assert choice_of(law).material(values_of(law)) == law
+    assert LawChoice.of(law).material(law.parameters) == law
 
 
 @pytest.fixture

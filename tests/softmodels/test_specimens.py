@@ -9,7 +9,7 @@ import pytest
 
 from softmodels.materials.homogeneous import MODES, nominal_stress, uniaxial_compressible
 from softmodels.materials.laws import LAWS, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.materials.specimens import log_strain_stiffness, nudged, parameter_names, respond
+from softmodels.materials.specimens import log_strain_stiffness, nudged, respond
 
 L = np.array([0.6, 0.9, 1.0, 1.3, 2.0, 3.0])
 EXAMPLES = {
@@ -21,7 +21,7 @@ EXAMPLES = {
 }
 modes = pytest.mark.parametrize("mode", MODES)
 every = pytest.mark.parametrize(
-    ("name", "parameter"), [(name, p) for name, law in EXAMPLES.items() for p in parameter_names(law)]
+    ("name", "parameter"), [(name, p) for name, law in EXAMPLES.items() for p in law.parameters]
 )
 
 

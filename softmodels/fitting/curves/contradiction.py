@@ -13,7 +13,8 @@ from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import largest_strain
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.result import Fit
-from softmodels.fitting.tables import Fitted, shown
+from softmodels.fitting.tables import Fitted
+from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
 from softmodels.materials.stability import judge
 
@@ -110,10 +111,10 @@ class Apart:
         lines = [pair.sentence for pair in self.pairs]
         for curve, one in zip(self.curves, self.own, strict=True):
             values = ", ".join(
-                f"{p.name} {' '.join(shown(one.fit.values[p.name], p.unit))}" for p in one.fit.parameters
+                f"{p.name} {' '.join(with_prefix(one.fit.values[p.name], p.unit))}" for p in one.fit.parameters
             )
             rms = next(iter(one.fit.summaries.values())).rms / 1e3
-            modulus = " ".join(shown(one.material.shear_modulus_0, "Pa"))
+            modulus = " ".join(with_prefix(one.material.shear_modulus_0, "Pa"))
             lines.append(
                 f"{curve.name} alone: {one.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
                 f"{own_file(self, curve)}"
@@ -129,7 +130,9 @@ class Apart:
         stresses = [
             float(respond(self.own[i].material, np.array([top]), self.curves[i].mode).stress[0]) for i in involved
         ]
-        ends = [" ".join(shown(value, "Pa")) for value in (min(moduli), max(moduli), min(stresses), max(stresses))]
+        ends = [
+            " ".join(with_prefix(value, "Pa")) for value in (min(moduli), max(moduli), min(stresses), max(stresses))
+        ]
         return (
             f"spread: shear modulus {ends[0]} to {ends[1]}, nominal stress at stretch {top:.3g} {ends[2]} to {ends[3]}; the "
             "joint fit lies between the curves and follows none of them, so simulate with both ends"

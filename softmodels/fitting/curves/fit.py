@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from measurement.units import UnitError, quantity
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, small_modulus
-from softmodels.fitting.law_parameters import LawChoice, closed_starts, distinct
+from softmodels.fitting.law_parameters import LawChoice, by_bounds, closed_starts
 from softmodels.fitting.least_squares import CannotEvaluate, FitError, Parameter, Prior, Residuals, fit
 from softmodels.fitting.result import Fit
-from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.material import Material, MaterialError
 from softmodels.materials.specimens import respond, strain_of
 
 Array = npt.NDArray[np.float64]
@@ -165,7 +165,7 @@ def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[d
     """Starting values of a law from the curves alone, best first."""
     curves = [source.curve for source in sources]
 
-    def design(material: Material, names: Sequence[str]) -> Any:
+    def design(material: Material, names: Sequence[str]) -> Array:
         return np.vstack(
             [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
         )
@@ -214,7 +214,7 @@ def fit_law(
         sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
     fits = []
     guesses = starts_for(choice, sources) if sources else [choice.from_modulus(modulus)]
-    for starts in distinct(guesses).values():
+    for starts in by_bounds(choice, guesses):
         parameters = [changed(p, (changes or {}).get(p.name, {})) for p in (*choice.parameters(starts[0]), *others)]
         try:
             fits.append(fit([*sources, *more], parameters, loss=loss, starts=starts, errors=errors, label=choice.name))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.silhouette import Silhouette
 from softmodels.fitting.problem import CannotEvaluate
-from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.material import Material, MaterialError
 from softmodels.mechanics.controls import Control, pressure_control, volume_control
 from softmodels.mechanics.morphing import Reshaping
 from softmodels.mechanics.sensitivity import Rate, Sensitivity

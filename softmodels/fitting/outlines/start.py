@@ -23,8 +23,6 @@ Array = npt.NDArray[np.float64]
 
 MODULUS = 30e3
 """Shear modulus in Pa of the path that only serves its shapes."""
-LINEAR = ("neo-hookean", "mooney-rivlin", "yeoh")
-"""Laws whose numbers are all stresses."""
 
 
 def starts(
@@ -50,7 +48,7 @@ def starts(
     simulated = np.array([inflation.pressure(state) for state in states]) / errors
     factor = max(float(simulated @ target / (simulated @ simulated)), 1e-6)
     scaled = {name: value * factor if inflation.choice.unit(name) == "Pa" else value for name, value in plain.items()}
-    if inflation.choice.name not in LINEAR or len(heights) < len(plain):
+    if not inflation.choice.law.linear or len(heights) < len(plain):
         return [scaled], volumes
     names = inflation.choice.names
     A = (
