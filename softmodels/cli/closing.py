@@ -2,88 +2,24 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from geometries import Actuator
 from geometries.apart import interpreter
 from measurement.own_folder import OwnFolderError
 from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.path.schedule import step_text
 from softmodels.results.columns import cavity_columns
 from softmodels.results.glossary import split, term
-from softmodels.results.lost_path import advice
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
-from softmodels.results.stability_report import events, stability_text
-from softmodels.results.store import Results, write_text
-
-
-def explain(case: Case, end: Any, fields: Any, path: Any, petsc: bool = False) -> str:
-    """Why the path ended, where, and what can be done about it; ``petsc`` is whether PETSc had options of its own."""
-    asked = f"{case.values[-1]:g} {case.unit}"
-    device, last = case.actuator, fields.figures(path.last.state)
-    if end.limit is None:
-        return (
-            f"{asked} was not reached: {end}. The last state is at {last.pressure / case.cm:.4g} cm "
-            f"({last.pressure:.4g} Pa), {device.gauge} rise {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
-            f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. "
-            + advice(case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc)
-        )
-    at = fields.figures(end.limit.state)
-    if path.supply is not None:
-        stroke = path.value(end.limit.state) * fields.equilibrium.volume_unit * 1e6
-        return (
-            f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
-            f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has taken "
-            f"{at.added_volume * 1e6:.4g} ml; beyond it the gas in syringe and tubes expands by itself and the device jumps. "
-            "Stay below, or take a smaller --dead-volume or --gas liquid"
-        )
-    return (
-        f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
-        f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has taken "
-        f"{at.added_volume * 1e6:.4g} ml; beyond it the device balloons. Stay below (with 25 % margin: "
-        f"{0.8 * at.pressure / case.cm:.4g} cm), take {device.stiffer} or a stiffer silicone, or drive it by volume past "
-        "the limit (--volume-ml, or --control volume)"
-    )
-
-
-def explain_step(case: Case, end: Any, rows: Sequence[Mapping[str, Any]], come: float, petsc: bool = False) -> str:
-    """The same of a program's step."""
-    number = math.floor(come) + 1
-    at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
-    pressures, volumes = cavity_columns(at, "pressure", "cm"), cavity_columns(at, "added_volume", "ml")
-    names = [f"cavity{i} at " for i in range(1, len(pressures) + 1)] if len(pressures) > 1 else [""]
-    place = ", ".join(
-        f"{name}{at[pressure]:.4g} cm with {at[volume]:.4g} ml added"
-        for name, pressure, volume in zip(names, pressures, volumes, strict=True)
-    )
-    asked = f"step {number} of the program ({step_text(case.program, number)})"
-    gauge = case.actuator.gauge
-    moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
-    if end.limit is None:
-        return (
-            f"{asked} was not reached: {end}. The last state has {place}, and {moved}. Steps down to a thousandth of the first "
-            f"were tried. {advice(case, at, petsc)}"
-        )
-    return (
-        f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it a "
-        f"cavity balloons. Stay below, take {case.actuator.stiffer} or a stiffer silicone, or give that cavity's added volume "
-        "(volume_ml) in place of its pressure"
-    )
-
-
-def _risen(device: Actuator, rises: dict[str, float]) -> str:
-    """How far the device has moved: its gauge, and the other probes in brackets."""
-    others = ", ".join(f"{name} {rise * 1e3:.4g} mm" for name, rise in rises.items() if name != device.gauge)
-    return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
+from softmodels.results.stability_report import stability_text
+from softmodels.results.store import Results
+from softmodels.runs.gathering import branch_rows, gather
 
 
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
@@ -148,30 +84,6 @@ def pressed(row: Mapping[str, Any]) -> str:
     """The forces of the device on what stops it, as a part of the closing line."""
     forces = ("blocked_force_N", "contact_force_N")
     return "".join(f", {term(name).name} {row[name]:.4g} N" for name in forces if name in row)
-
-
-def gather(case: Case, results: Results, status: int, message: str, notes: Sequence[str]) -> None:
-    """Bring all steps into one file and write ``summary.json``, with the notes of `notes_of`.
-
-    Raises:
-        OSError: There is no room; the steps stay where they are.
-    """
-    results.finish()
-    text = {
-        "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1],
-        "events": events(results.rows, case.actuator.gauge), "stretch_at_break": stretch_at_break(case.material),
-        "notes": list(notes), "stability": stability_text(results.rows, case.actuator, branch_rows(results)),
-    }  # fmt: skip
-    results.own.claim(["summary.json"])
-    write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
-
-
-def branch_rows(results: Results) -> list[dict[str, Any]]:
-    """The rows of the branch that was followed; none if none was."""
-    branch = results.branch()
-    if branch.heavy.exists():
-        branch.load()
-    return branch.rows
 
 
 def _bears(case: Case) -> str:

@@ -18,7 +18,6 @@ from measurement.own_folder import OwnFolderError
 from measurement.result_folder import ResultFolder
 from measurement.units import UnitError, quantity
 from softmodels.cli.options import fail
-from softmodels.cli.progress import Progress
 from softmodels.cli.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
 from softmodels.fitting.believable import expected, hold_against, stretch_of
 from softmodels.fitting.comparison import compare
@@ -35,6 +34,7 @@ from softmodels.fitting.tables import Fitted, Report, as_json, as_text, material
 from softmodels.materials.stability import judge
 from softmodels.mechanics.mpi import on_root, speaks, start
 from softmodels.results.outcomes import DONE, FAILED
+from softmodels.runs.progress import Progress
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})

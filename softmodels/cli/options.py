@@ -162,7 +162,7 @@ def execute(
     branch: bool = False,
     inputs: Sequence[Path] = (),
 ) -> None:
-    """Build a case, run it and exit with its status; see `running.run`."""
+    """Build a case, run it and exit with its status; see `softmodels.cli.run.run`."""
     try:
         ready = case()
         _check_words(petsc)

@@ -11,7 +11,7 @@ import pytest
 import softmodels
 
 ROOT = Path(softmodels.__file__).parent
-ROOMS = ("materials", "mechanics", "path", "case", "results", "fitting", "pictures", "cli", "")
+ROOMS = ("materials", "mechanics", "path", "case", "results", "fitting", "pictures", "runs", "cli", "")
 """From the lowest to the highest; the last are the public names and the commands as users call them."""
 FILES = [path for path in ROOT.rglob("*.py") if "__pycache__" not in path.parts]
 

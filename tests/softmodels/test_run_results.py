@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from softmodels.case.case import Case
-from softmodels.cli.progress import Progress
+from softmodels.runs.progress import Progress
 
 COLUMNS = (
     "step", "pressure_cm", "pressure_Pa", "added_volume_ml", "apex_mm", "max_displacement_mm", "max_stretch",

@@ -1,0 +1,87 @@
+"""Why a path ended, where, and what can be done about it: sentences for the user."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from geometries import Actuator
+from softmodels.case.case import Case
+from softmodels.path.schedule import step_text
+from softmodels.results.columns import cavity_columns
+from softmodels.results.lost_path import advice
+
+
+def explain(case: Case, end: Any, fields: Any, path: Any, petsc: bool = False) -> str:
+    """Why the path ended, where, and what can be done about it; ``petsc`` is whether PETSc had options of its own."""
+    asked = f"{case.values[-1]:g} {case.unit}"
+    device, last = case.actuator, fields.figures(path.last.state)
+    if end.limit is None:
+        return (
+            f"{asked} was not reached: {end}. The last state is at {last.pressure / case.cm:.4g} cm "
+            f"({last.pressure:.4g} Pa), {device.gauge} rise {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
+            f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. "
+            + advice(case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc)
+        )
+    at = fields.figures(end.limit.state)
+    if path.supply is not None:
+        stroke = path.value(end.limit.state) * fields.equilibrium.volume_unit * 1e6
+        return (
+            f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
+            f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has taken "
+            f"{at.added_volume * 1e6:.4g} ml; beyond it the gas in syringe and tubes expands by itself and the device jumps. "
+            "Stay below, or take a smaller --dead-volume or --gas liquid"
+        )
+    return (
+        f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
+        f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has taken "
+        f"{at.added_volume * 1e6:.4g} ml; beyond it the device balloons. Stay below (with 25 % margin: "
+        f"{0.8 * at.pressure / case.cm:.4g} cm), take {device.stiffer} or a stiffer silicone, or drive it by volume past "
+        "the limit (--volume-ml, or --control volume)"
+    )
+
+
+def explain_step(case: Case, end: Any, rows: Sequence[Mapping[str, Any]], come: float, petsc: bool = False) -> str:
+    """The same of a program's step."""
+    number = math.floor(come) + 1
+    at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
+    pressures, volumes = cavity_columns(at, "pressure", "cm"), cavity_columns(at, "added_volume", "ml")
+    names = [f"cavity{i} at " for i in range(1, len(pressures) + 1)] if len(pressures) > 1 else [""]
+    place = ", ".join(
+        f"{name}{at[pressure]:.4g} cm with {at[volume]:.4g} ml added"
+        for name, pressure, volume in zip(names, pressures, volumes, strict=True)
+    )
+    asked = f"step {number} of the program ({step_text(case.program, number)})"
+    gauge = case.actuator.gauge
+    moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
+    if end.limit is None:
+        return (
+            f"{asked} was not reached: {end}. The last state has {place}, and {moved}. Steps down to a thousandth of the first "
+            f"were tried. {advice(case, at, petsc)}"
+        )
+    return (
+        f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it a "
+        f"cavity balloons. Stay below, take {case.actuator.stiffer} or a stiffer silicone, or give that cavity's added volume "
+        "(volume_ml) in place of its pressure"
+    )
+
+
+def _risen(device: Actuator, rises: dict[str, float]) -> str:
+    """How far the device has moved: its gauge, and the other probes in brackets."""
+    others = ", ".join(f"{name} {rise * 1e3:.4g} mm" for name, rise in rises.items() if name != device.gauge)
+    return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
+
+
+def explain_failure(case: Case, failure: Exception, last: Mapping[str, Any] | None, petsc: bool = False) -> str:
+    """The same where no state was found at the beginning or at a limit point, where there is no step to shorten.
+
+    Args:
+        case: The case.
+        failure: What the solver reported.
+        last: The last row of ``path.csv``, if there is one.
+        petsc: Whether PETSc had options of its own.
+    """
+    words = "leave out PETSc's options (what follows --), " if petsc else ""
+    told = f"{words}refine the mesh (--cell-size), or use another --control"
+    return f"the path could not be followed ({failure})" + (f"; {told}" if last is None else f". {advice(case, last)}")

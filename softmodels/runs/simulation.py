@@ -1,0 +1,313 @@
+"""A case, solved: its device meshed and made ready, and its path followed state by state."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import MeshingStopped
+from softmodels.case.case import Case
+from softmodels.materials.stability import weakness
+from softmodels.mechanics.compiling import CompilingError, cache, compiling, wait_for_cache
+from softmodels.mechanics.mpi import any_rank, is_root, on_root
+from softmodels.results.columns import restart_of, row_of
+from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.runs.explanation import explain, explain_failure, explain_step
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.path.continuation import Path as LoadPath
+    from softmodels.path.points import Point
+    from softmodels.path.schedule import Stop
+    from softmodels.results.fields import Fields
+
+Array = npt.NDArray[np.float64]
+
+FEWEST_STEPS = 12
+"""At least this many steps to the last requested value, for curves worth drawing."""
+
+
+class Listener(Protocol):
+    """Who is told how a run goes on: nobody, a program's log, a notebook."""
+
+    def say(self, text: str) -> None:
+        """One sentence about what is going on."""
+
+    def step(self, row: Mapping[str, Any], value: float) -> None:
+        """A state was solved: its row of ``path.csv``, and how far it is towards the last requested value."""
+
+
+class Silent:
+    """A listener that does nothing."""
+
+    def say(self, text: str) -> None:
+        pass
+
+    def step(self, row: Mapping[str, Any], value: float) -> None:
+        pass
+
+
+class PathEnded(RunError):
+    """A requested value is not on the path, or the path was lost; the states up to there are good."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Step:
+    """One state of a run.
+
+    Attributes:
+        row: Its row of ``path.csv``, on all ranks.
+        fields: Nodal fields by name, SI units, shape (n,) or (n, 3), as `Fields.nodal` gives them, and what a restart needs
+            to the last bit; on rank 0, None elsewhere.
+        restart: Numbers that a restart needs beside the fields.
+    """
+
+    row: dict[str, Any]
+    fields: dict[str, Array] | None
+    restart: dict[str, Any]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Begun:
+    """What is known of a run that is gone on with.
+
+    Attributes:
+        rows: Rows of ``path.csv`` of the states that there are; none for a run from the beginning.
+        left: Which of the case's requested values are still to come.
+        points: The points to go on from; see `Continuation.resume`.
+        stop: The same of a program: the end of its last complete step.
+    """
+
+    rows: Sequence[dict[str, Any]] = ()
+    left: Sequence[bool] = ()
+    points: Sequence[Point] = ()
+    stop: Stop | None = None
+
+
+FROM_REST = Begun()
+
+
+class Simulation:
+    """A case's device on a communicator, and its path.
+
+    In order: `write_mesh` (or a mesh file from before), `prepare`, `steps`, perhaps `branch`, `release`. Every call is
+    made by all ranks.
+
+    Args:
+        case: What to run.
+        comm: The communicator.
+        listener: Is told how it goes on.
+        stopped: Asked between states, and while a mesh is made; once it is true on a rank, the run ends.
+
+    Attributes:
+        body, equilibrium, fields: The device, once it is prepared.
+    """
+
+    body: Body
+    equilibrium: Equilibrium
+    fields: Fields
+
+    def __init__(
+        self, case: Case, comm: MPI.Comm, listener: Listener | None = None, stopped: Callable[[], bool] = bool
+    ):
+        self.case, self.comm, self.stopped = case, comm, stopped
+        self.listener: Listener = listener or Silent()
+        self._path: LoadPath | None = None
+        self._bifurcations: list[Point] = []
+
+    def write_mesh(self, file: Path) -> None:
+        """Mesh the device into a Gmsh file, on rank 0.
+
+        Raises:
+            RunError: It was stopped meanwhile.
+            GeometryError, MeshingError, OSError: See `Actuator.write`.
+        """
+        device = self.case.actuator
+        kind = "solid" if device.dimension == 3 else "axisymmetric section"
+        self.listener.say(f"meshing {type(device).__name__} ({kind}, 1/{device.copies})")
+        try:
+            on_root(self.comm, lambda: device.write(file, self.stopped))
+        except MeshingStopped:
+            raise RunError("stopped by the user while the mesh was made; nothing is solved yet", STOPPED) from None
+
+    def prepare(self, file: Path) -> None:
+        """Read the mesh and make the equations, which are compiled the first time.
+
+        Raises:
+            RunError: The mesh is of another device, or nothing can be compiled.
+            MeshFileError: No mesh as `write_mesh` makes them.
+        """
+        from softmodels.mechanics.body import Body, BodyError
+        from softmodels.mechanics.solver import Equilibrium
+        from softmodels.results.fields import Fields
+
+        case, say = self.case, self.listener.say
+        say("preparing the equations (compiled the first time, half a minute; then from the cache)")
+        on_root(self.comm, lambda: wait_for_cache(cache(), say, self.stopped))
+        self._stop_if_asked()
+        try:
+            self.body = Body.from_file(case.actuator, file, self.comm)
+            with compiling():
+                self.equilibrium = Equilibrium(self.body, case.material, case.formulation, case.sheet, case.obstacle)
+                self.fields = Fields(self.equilibrium, case.gauges)
+        except (BodyError, CompilingError) as error:
+            raise RunError(str(error)) from error
+
+    def describe(self) -> None:
+        """Report what is solved: followed points, sizes, and how far the law can be trusted."""
+        say, ranks = self.listener.say, self.comm.size
+        for text in self.fields.followed:
+            say(text)
+        space, topology = self.equilibrium.space, self.body.mesh.topology
+        unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
+        cells = topology.index_map(topology.dim).size_global
+        say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
+        if weak := weakness(self.case.material):
+            say(f"warning: {weak}; states stretched further are not the silicone's")
+
+    def steps(self, begun: Begun = FROM_REST) -> Iterator[Step]:
+        """Solve state by state, through all requested values.
+
+        Args:
+            begun: What is known already and not given again.
+
+        Raises:
+            PathEnded: The path ends before the last requested value, with where, why, and what can be done.
+            RunError: It was stopped between two states, or no state was found where no step can be shortened.
+        """
+        yield from self._reported(self._program(begun) if self.case.program else self._load_path(begun))
+
+    def _reported(self, steps: Iterator[Step]) -> Iterator[Step]:
+        """The same steps; the listener is told of each once it was taken, and between them the run may be stopped."""
+        for step in steps:
+            yield step
+            if is_root(self.comm):
+                self.listener.step(step.row, step.row[self.case.column])
+            self._stop_if_asked()
+
+    def _load_path(self, begun: Begun) -> Iterator[Step]:
+        from softmodels.mechanics.solver import NoConvergence
+        from softmodels.path.continuation import trace
+        from softmodels.path.points import PathEnd
+        from softmodels.path.pressure_cycle import cycle
+
+        case, count = self.case, len(begun.rows)
+        last = begun.rows[-1] if begun.rows else None
+        goals = self._goals()
+        self._path = path = self._continuation(goals[-1])
+        if begun.rows and not case.cycle:
+            goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
+        try:
+            for number, point in enumerate(cycle(path, goals) if case.cycle else trace(path, goals, begun.points)):
+                if case.cycle and number < count:
+                    continue  # a cycle is read off one curve, which is followed anew; what was stored of it stays
+                step = self._step(point, number if case.cycle else count + number)
+                last = step.row
+                self._bifurcations += [point] if point.bifurcation else []
+                yield step
+        except PathEnd as end:
+            text = explain(case, end, self.fields, path, _own_words())
+            raise PathEnded(text, NO_EQUILIBRIUM if end.limit else FAILED) from end
+        except NoConvergence as failure:
+            raise RunError(explain_failure(case, failure, last, _own_words())) from failure
+
+    def _goals(self) -> list[float]:
+        """The requested values, dimensionless."""
+        eq = self.equilibrium
+        scale = eq.stress_unit if self.case.pressures_cm else eq.volume_unit
+        return [goal / scale for goal in self.case.goals]
+
+    def _continuation(self, last: float) -> LoadPath:
+        from softmodels.path.continuation import Path as LoadPath
+
+        case, eq, supply = self.case, self.equilibrium, None
+        if case.supply is not None:
+            cavity = eq.rest().V * eq.volume_unit
+            supply = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
+        path = LoadPath(eq, case.control, case.quantity, last / FEWEST_STEPS, supply)
+        path.report = lambda text: self.listener.say(f"  {text}")
+        return path
+
+    def _program(self, begun: Begun) -> Iterator[Step]:
+        """Take the device through its program."""
+        from softmodels.mechanics.solver import NoConvergence
+        from softmodels.path.points import PathEnd
+        from softmodels.path.schedule import follow
+
+        case, rows = self.case, list(begun.rows)
+        come = float(begun.stop.number) if begun.stop else 0.0
+        try:
+            for come, point in follow(
+                self.equilibrium, case.program, case.cm, case.control, self.listener.say, begun.stop
+            ):
+                step = self._step(point, len(rows), come)
+                rows.append(step.row)
+                yield step
+        except PathEnd as end:
+            text = explain_step(case, end, rows, come, _own_words())
+            raise PathEnded(text, NO_EQUILIBRIUM if end.limit else FAILED) from end
+        except NoConvergence as failure:
+            raise RunError(explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
+
+    @property
+    def bifurcates(self) -> bool:
+        """Whether `steps` has met a bifurcation, from which `branch` can go on."""
+        return bool(self._bifurcations)
+
+    def branch(self) -> Iterator[Step]:
+        """Follow the branch that leaves the path at its first bifurcation, after `steps`; it ends where it can be followed
+        no further, which is reported to the listener."""
+        yield from self._reported(self._branch())
+
+    def _branch(self) -> Iterator[Step]:
+        from softmodels.mechanics.solver import NoConvergence
+        from softmodels.path.branching import follow
+        from softmodels.path.points import PathEnd
+
+        assert self._path is not None
+        start = self._bifurcations[0]
+        pressure = start.state.P * self.equilibrium.stress_unit / self.case.cm
+        self.listener.say(f"following the branch from {pressure:.4g} cm")
+        try:
+            for number, point in enumerate(follow(self._path, start, farthest=max(self._goals()))):
+                yield self._step(point, number)
+        except (PathEnd, NoConvergence) as end:
+            self.listener.say(f"the branch was followed no further: {end}")
+
+    def release(self) -> None:
+        """Give back what PETSc and MPI hold for the device; see `Solver.release`."""
+        if hasattr(self, "equilibrium"):
+            self.equilibrium.release()
+
+    def _stop_if_asked(self) -> None:
+        if any_rank(self.comm, self.stopped()):
+            raise RunError("stopped by the user; go on with --resume", STOPPED)
+
+    def _step(self, point: Point, number: int, come: float = 0.0) -> Step:
+        """A point of the path in SI units; ``come`` is how many steps a program has come."""
+        case, fields = self.case, self.fields
+        figures = fields.figures(point.state)
+        nodal = fields.nodal(point.state)  # on rank 0 alone
+        if point.bifurcation:
+            mode = fields.shape(point.mode)
+            more = None if mode is None else {"mode": mode / np.abs(mode).max()}
+        else:
+            more = fields.raw(point.state, point.tangent)
+        whole = None if nodal is None or more is None else {**nodal, **more}
+        row = on_root(self.comm, lambda: row_of(case, fields, point, figures, whole, number, come))
+        return Step(row, whole, restart_of(point))
+
+
+def _own_words() -> bool:
+    """Whether PETSc was given options beside those of this program."""
+    from petsc4py import PETSc
+
+    return bool(PETSc.Options().getAll())
