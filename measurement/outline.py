@@ -41,7 +41,8 @@ class Outline:
         source: Where it comes from, such as the photograph's file name.
         trusted: Whether nothing speaks against it.
         reasons: What speaks against it, one sentence each; empty if trusted.
-        sunk: How far the surface beside the bulge lies below the zero plane in m; 0 where that cannot be told from none.
+        sunk: How far the surface beside the bulge lies below the zero plane in m, negative above it; 0 where that cannot be
+            told from none.
         scale: Width of the body's sides over that at zero pressure; NaN where they are not seen.
         bridged: Which points were not measured but bridge a gap, their errors how far the true outline may lie off, (n,).
 

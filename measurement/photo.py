@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from measurement.outline import Outline, OutlineError
 from measurement.pixels import Unmeasurable
-from measurement.ripples import check_ripples
+from measurement.ripples import check_ripples, unsure
 from measurement.setup import Setup
 from measurement.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
 from measurement.sides import BAND, sides_of
@@ -122,6 +122,7 @@ def outline_of(
     scale, spread = _scale(placed, upwards, error, traced.bridged, zero)
     error = np.hypot(error, spread * np.abs(placed[:, 1]))
     raw = zero.place(setup.to_metres(traced.edge.px))
+    error = np.hypot(error, unsure(raw))
     doubts = [doubt, check_corners(raw), check_ripples(raw), check_width(placed, error, zero)]
     doubts.append(check_clear(placed[above], error[above]))
     reasons += [doubt for doubt in doubts if doubt is not None]
@@ -139,7 +140,7 @@ def outline_of(
         )
     inner = slice(first, last + 1)
     # A surface that has sunk as a whole, or beside the bulge, is no dent.
-    _check_dents(placed[inner], sunken[inner] & (placed[inner, 1] < -ON_SURFACE - 2.0 * sunk))
+    _check_dents(placed[inner], sunken[inner] & (placed[inner, 1] < -ON_SURFACE - 2.0 * max(sunk, 0.0)))
     reasons += _gaps(placed[inner], error[inner], above[inner], traced.bridged[inner], traced.doubts)
     overhang = _overhang(placed[kept], error[kept])
     if overhang > 0.01:

@@ -25,6 +25,9 @@ FAR_SHARE = 0.22
 LEAST, NOISES = 15e-6, 8.0
 """Distance in m between the two, and the same in its own scatter, from which something else than a membrane is seen."""
 
+STATED = 4.5
+"""Such a distance in its own scatter from which the stated error has to carry it: the largest of good outlines reach 4."""
+
 FEWEST = 7
 """Points in the short average, and twice as many in the long one, for the two to differ."""
 
@@ -43,6 +46,16 @@ def check_ripples(placed: Array) -> str | None:
         f"{abs(height) * 1e6:.0f} um that is narrower than a membrane bends: a fibre, a grain or a drop lies on it or on the "
         "lens, or the screen is not flat"
     )
+
+
+def unsure(placed: Array) -> float:
+    """Error in m that a bump too low for `check_ripples` leaves: a thing of that height may lie on any length of the outline.
+
+    Args:
+        placed: Edge as in `check_ripples`.
+    """
+    _, height, scatter = highest_ripple(placed)
+    return abs(height) if abs(height) > STATED * scatter else 0.0
 
 
 def highest_ripple(placed: Array) -> tuple[int, float, float]:

@@ -40,7 +40,7 @@ def doubts(outlines: list[Outline]) -> list[str | None]:
     """
     heights, sunk = (np.array([getattr(outline, name) for outline in outlines]) for name in ("height", "sunk"))
     raised = heights > LEAST * ON_SURFACE
-    if not (raised & (sunk > TELLS)).any():
+    if not (raised & (np.abs(sunk) > TELLS)).any():
         return [None] * len(outlines)
     if raised.sum() < FEWEST:
         few = (
@@ -49,7 +49,7 @@ def doubts(outlines: list[Outline]) -> list[str | None]:
         )
         return [_sentence(depth) + few if depth > ON_SURFACE else None for depth in sunk]
     common = course(heights[raised], sunk[raised], 0.2 * ON_SURFACE)
-    start, tells = float(common(0.0)), max(TELLS, TELLS_SHARE * float(sunk.max()))
+    start, tells = float(common(0.0)), max(TELLS, TELLS_SHARE * float(np.abs(sunk).max()))
     if abs(start) > tells:
         moved = (
             f"; by the other photographs it would lie {_length(start)} {'below' if start > 0.0 else 'above'} the "
@@ -63,7 +63,7 @@ def doubts(outlines: list[Outline]) -> list[str | None]:
             f", {_length(off)} {'more' if off > 0.0 else 'less'} than the other photographs lead one to expect: the "
             "part was moved for this one"
         )
-        found.append(_sentence(depth) + own if up and abs(off) > max(tells, SHARE * depth) else None)
+        found.append(_sentence(depth) + own if up and abs(off) > max(tells, SHARE * abs(depth)) else None)
     return found
 
 
@@ -75,7 +75,8 @@ def unknown(outlines: list[Outline]) -> list[float]:
 
 
 def _sentence(depth: float) -> str:
-    return "beside the bulge the surface lies " + (f"{_length(depth)} below" if depth else "on") + " the zero plane"
+    where = f"{_length(depth)} {'below' if depth > 0.0 else 'above'}" if depth else "on"
+    return f"beside the bulge the surface lies {where} the zero plane"
 
 
 def _length(value: float) -> str:

@@ -90,7 +90,8 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
         zero: The zero plane.
 
     Returns:
-        How far in m it has sunk where a soft body may, 0 if that is within the measurement's own error; distance in m
+        How far in m it has sunk where a soft body may, negative if it has risen, 0 if that is within the measurement's own
+        error; distance in m
         that it may not lie off and does, 0 if there is none; and what speaks against the outline, if anything does.
 
     Raises:
@@ -123,6 +124,8 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
     )
     if abs(worst) > max(DISPLACED, tolerance):
         raise Unmeasurable(sentence)
+    # No pressure lifts the surface; a soft body that was lifted sinks back as it rises (`settling.py` needs to see both).
+    sunk = sunk if sunk > 0.0 else -max(worst, 0.0)
     return sunk, abs(worst), sentence if abs(worst) > max(ON_SURFACE, tolerance) else None
 
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from measurement.blur import check_blur
 from measurement.bridging import smoothed
 from measurement.edge import Edge, Transmission, coarse_contour, refine_edge
 from measurement.flatness import flatness, pieces_of
@@ -173,6 +174,8 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
         )
     _check_edge(image, edge, setup, light)
     doubts = _check_steps(edge, coarse.colour)
+    blurred = check_blur(edge, scale)
+    doubts += () if blurred is None else (blurred,)
     rows, columns = np.indices(coarse.mask.shape)
     places = (np.stack([columns, rows], axis=-1) + 0.5) * factor - 0.5 + np.array([x0, y0])
     ink = np.ones(coarse.mask.shape) if through is None else through(places)

@@ -41,3 +41,19 @@ def test_a_body_that_was_moved_is_noticed_in_every_photograph(runs, kind):
 def test_a_known_width_takes_a_wrong_magnification_out(runs):
     verdicts = list(runs[1].damaged("body along the light before the zero", 0))
     assert [one.outcome for one in verdicts] == ["right"] * 7, verdicts
+
+
+@pytest.fixture(scope="module")
+def drawn_in():
+    """A bench whose body sinks beside its bulge."""
+    return Run(Bench.random(37))
+
+
+def test_a_drop_that_moves_the_flank_smoothly_is_seen_by_its_blur(drawn_in):
+    (one,) = drawn_in.damaged("water drop on the lens", 0)
+    assert one.outcome == "untrusted" and "more blurred than the rest" in one.why, one
+
+
+def test_a_lifted_body_is_noticed_where_its_own_sinking_has_made_up_for_it(drawn_in):
+    verdicts = list(drawn_in.damaged("body moved after the zero", 0))
+    assert [one.outcome for one in verdicts] == ["untrusted"] * 6, verdicts

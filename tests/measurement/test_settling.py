@@ -45,6 +45,15 @@ def test_a_body_moved_after_the_zero_photograph_is_not(heights):
     assert all("without any pressure" in doubt for doubt, height in zip(found, heights, strict=True) if height)
 
 
+def test_a_lifted_body_that_sinks_back_as_it_rises_is_not_trusted():
+    raised = HEIGHTS > 0.0
+    sunk = np.where(raised, 0.03 * HEIGHTS - 0.155e-3, 0.0)
+    found = doubts([outline(height, depth) for height, depth in zip(HEIGHTS, sunk, strict=True)])
+    assert found[0] is None
+    assert all("above the plane without any pressure" in doubt for doubt in found[1:])
+    assert "above the zero plane" in found[1] and "below the zero plane" in found[-1]
+
+
 @pytest.mark.parametrize("at", [2, 4, 6])
 @pytest.mark.parametrize("by", [0.3e-3, -0.3e-3])
 def test_a_body_moved_for_one_photograph_is_not_trusted_there(at, by):
