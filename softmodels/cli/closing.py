@@ -6,8 +6,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
-from typing import Any
 
 from geometries.apart import interpreter
 from measurement.own_folder import OwnFolderError
@@ -17,6 +15,7 @@ from softmodels.results.columns import cavity_columns
 from softmodels.results.glossary import split, term
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
+from softmodels.results.row import Row
 from softmodels.results.stability_report import stability_text
 from softmodels.results.store import Results
 from softmodels.runs.gathering import branch_rows, gather
@@ -67,20 +66,20 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
     return status
 
 
-def _gauge(column: str, row: Mapping[str, Any]) -> str:
+def _gauge(column: str, row: Row) -> str:
     """A named place or angle with its unit."""
     name, unit = split(column)
     return f"{name.replace('_', ' ')} {row[column]:.5g}{unit if unit == '°' else f' {unit}'}"
 
 
-def _loaded(row: Mapping[str, Any]) -> str:
+def _loaded(row: Row) -> str:
     cavities = cavity_columns(row, "pressure", "cm")
     if "load_step" in row and len(cavities) > 1:
         return ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1))
     return f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa)"
 
 
-def pressed(row: Mapping[str, Any]) -> str:
+def pressed(row: Row) -> str:
     """The forces of the device on what stops it, as a part of the closing line."""
     forces = ("blocked_force_N", "contact_force_N")
     return "".join(f", {term(name).name} {row[name]:.4g} N" for name in forces if name in row)

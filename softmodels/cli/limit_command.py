@@ -35,7 +35,7 @@ from softmodels.results.limits import LARGEST_STRETCH, Limit, Tolerance, find_li
 from softmodels.results.lost_path import NEAR
 from softmodels.results.outcomes import FAILED
 from softmodels.results.stability_report import unseen
-from softmodels.results.store import write_text
+from softmodels.results.writing import write_text
 
 SAMPLES = 32
 PERCENTILES = (5, 25, 50, 75, 95)

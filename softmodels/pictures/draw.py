@@ -24,8 +24,9 @@ from softmodels.pictures.rendering import can_render
 from softmodels.pictures.views import Look, look
 from softmodels.results.cut_lines import axes_of, cut_line
 from softmodels.results.picture_files import picture_files, picture_folder
-from softmodels.results.store import ResultsError, replace, write_bytes
+from softmodels.results.store import ResultsError
 from softmodels.results.stored import States
+from softmodels.results.writing import replace, write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,8 +19,9 @@ from softmodels.pictures.pages import Scale, load, number
 from softmodels.pictures.rendering import Image, studio
 from softmodels.pictures.views import Look
 from softmodels.results.columns import cavity_columns
-from softmodels.results.store import replace
+from softmodels.results.row import Row
 from softmodels.results.stored import States
+from softmodels.results.writing import replace
 
 FRAMES = 40
 FEWER = (40, 32, 25, 19, 14, 10)
@@ -57,10 +58,11 @@ def frames(look: Look, count: int = FRAMES) -> list[Image]:
 def _caption(states: States, position: float) -> str:
     gauge, first = states.actuator.gauge, states.rows[0]
     names = [f"{gauge}_mm", *(["load_step"] if "load_step" in first else []), "pressure_cm"]
-    row = {
-        name: float(np.interp(position, range(len(states.rows)), [row[name] for row in states.rows]))
+    steps = range(len(states.rows))
+    row = Row(
+        (name, float(np.interp(position, steps, [row[name] for row in states.rows])))
         for name in [*names, *cavity_columns(first, "pressure", "cm")]
-    }
+    )
     pressure = load(row) if "load_step" in row else f"{number(row['pressure_cm'])} cm of water"
     return f"{pressure}   {gauge} rise {row[f'{gauge}_mm']:+.2f} mm"
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
@@ -18,9 +18,9 @@ from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 
 from softmodels.results.columns import cavity_columns
+from softmodels.results.row import Row
 
 Array = npt.NDArray[np.float64]
-Row = Mapping[str, Any]
 
 DPI = 160
 WIDTH = 10.0

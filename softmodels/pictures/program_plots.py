@@ -8,9 +8,10 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from softmodels.pictures.pages import CURVE, DPI, LINES, WARNING, WIDTH, Row
+from softmodels.pictures.pages import CURVE, DPI, LINES, WARNING, WIDTH
 from softmodels.pictures.plots import limits
 from softmodels.results.columns import cavity_columns
+from softmodels.results.row import Row
 
 
 def steps(rows: Sequence[Row], gauge: str) -> Figure:

@@ -26,9 +26,10 @@ from softmodels.results.columns import cavity_columns
 from softmodels.results.glossary import term
 from softmodels.results.notes import left_out, notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM
+from softmodels.results.row import Cell, Row
 from softmodels.results.stability_report import stability_text
-from softmodels.results.store import write_text
 from softmodels.results.stored import States
+from softmodels.results.writing import write_text
 
 WIDEST = 1200
 """Pictures are made smaller than this many pixels wide inside the page; the files keep their own size."""
@@ -119,7 +120,7 @@ def _warnings(notes: Sequence[str]) -> str:
     return f'<section class="warn"><p>The run warned:</p><ul>{lines}</ul></section>'
 
 
-def _taker(row: dict[str, Any]) -> str:
+def _taker(row: Row) -> str:
     return "the cavities have together" if len(cavity_columns(row, "added_volume", "ml")) > 1 else "the cavity has"
 
 
@@ -161,13 +162,14 @@ def _requested(states: States) -> str:
     return f"<h2>Requested values</h2>{_table(asked, states.rows, states)}"
 
 
-def _table(rows: list[dict[str, Any]], every: list[dict[str, Any]], states: States) -> str:
+def _table(rows: Sequence[Row], every: Sequence[Row], states: States) -> str:
     """Rows of ``path.csv`` side by side: one line per column of the file. The exact value is each cell's title."""
     probes = tuple(states.actuator.probes)
     lines = []
     for name in (name for name in every[0] if name != "requested"):
         cells = "".join(
-            f'<td title="{html.escape(str(row.get(name, "")))}">{_shown(row.get(name))}</td>' for row in rows
+            f'<td title="{html.escape(str(cells.get(name, "")))}">{_shown(cells.get(name))}</td>'
+            for cells in (row.cells for row in rows)
         )
         meaning = term(name, probes)
         lines.append(f'<tr><th title="{html.escape(meaning.text)}">{html.escape(str(meaning))}</th>{cells}</tr>')
@@ -187,7 +189,7 @@ def _glossary(states: States) -> str:
     return f"<dl>{''.join(lines)}</dl>"
 
 
-def _shown(value: Any) -> str:
+def _shown(value: Cell) -> str:
     if isinstance(value, float):
         return f"{value:.6g}" if abs(value) > ROUNDING else "0"
     return html.escape("" if value is None else str(value))

@@ -22,10 +22,10 @@ from softmodels.pictures.pages import (
     WARNING,
     WIDTH,
     Array,
-    Row,
     Scale,
     headline,
 )
+from softmodels.results.row import Row
 from softmodels.results.triangles import Cells, edge_curves, fine_triangles, outline
 
 if TYPE_CHECKING:

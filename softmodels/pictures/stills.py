@@ -19,7 +19,6 @@ from softmodels.pictures.pages import (
     INK,
     SOLID,
     WIDTH,
-    Row,
     Scale,
     headline,
     load,
@@ -29,6 +28,7 @@ from softmodels.pictures.pages import (
 )
 from softmodels.pictures.rendering import Camera, Image, lines, ring, studio, surface
 from softmodels.pictures.views import Look, towards_slice
+from softmodels.results.row import Row
 from softmodels.results.triangles import edge_curves, outer_faces
 
 AIR = "#2f6f9f"

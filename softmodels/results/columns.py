@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Mapping
 from typing import Any
 
 from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
+from softmodels.results.row import Cell, Row
 
 
 def restart_of(point: Any) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def restart_of(point: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def row_of(case: Case, fields: Any, point: Any, figures: Any, nodal: Any, number: int, come: float) -> dict[str, Any]:
+def row_of(case: Case, fields: Any, point: Any, figures: Any, nodal: Any, number: int, come: float) -> Row:
     """The row of a `Point`, on rank 0.
 
     Args:
@@ -41,7 +41,7 @@ def row_of(case: Case, fields: Any, point: Any, figures: Any, nodal: Any, number
     if point.requested and case.pressures_cm:  # as it was typed, without the rounding of two conversions
         height = min(case.pressures_cm, key=lambda asked: abs(asked - height))
     limit = stretch_at_break(case.material)
-    return {
+    cells: dict[str, Cell] = {
         "step": number,
         "pressure_cm": height,
         "pressure_Pa": pressure,
@@ -70,6 +70,7 @@ def row_of(case: Case, fields: Any, point: Any, figures: Any, nodal: Any, number
         "lowest_eigenvalue_Pa_per_mm2": _eigenvalue(fields.equilibrium, point.signature.lowest),
         "following": point.line,
     }
+    return Row(cells)
 
 
 def _eigenvalue(equilibrium: Any, dimensionless: float) -> float | None:
@@ -79,7 +80,7 @@ def _eigenvalue(equilibrium: Any, dimensionless: float) -> float | None:
     return float(dimensionless * equilibrium.stress_unit / (equilibrium.length_unit * 1e3) ** 2)
 
 
-def cavity_columns(row: Mapping[str, Any], what: str, unit: str) -> list[str]:
+def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
     """The columns that tell of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; of one alone ``pressure_cm``."""
     return [name for name in row if re.fullmatch(rf"{what}_\d+_{unit}", name)] or [f"{what}_{unit}"]
 

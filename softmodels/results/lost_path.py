@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from softmodels.case.case import Case
 from softmodels.materials.stability import described, last_stretch, weakest, weakness
+from softmodels.results.row import Row
 
 NEAR = 0.95
 """Share of the stretch where a law loses its stability, or its chains are taut, from which that is what ended the path."""
@@ -16,7 +16,7 @@ FOLDED = 0.3
 """Volume ratio at a vertex below which cells have all but folded."""
 
 
-def known_causes(case: Case, figures: Mapping[str, Any], petsc: bool = False) -> list[str]:
+def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> list[str]:
     """What may have ended a path, the surest first; empty if nothing is conspicuous.
 
     Args:
@@ -64,7 +64,7 @@ def known_causes(case: Case, figures: Mapping[str, Any], petsc: bool = False) ->
     return found
 
 
-def advice(case: Case, figures: Mapping[str, Any], petsc: bool = False) -> str:
+def advice(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> str:
     """What is known of a lost path and what to do about it: sentences, the last without its full stop."""
     stretch, J = float(figures["max_stretch"]), float(figures["J_min"])
     if causes := known_causes(case, figures, petsc):

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from softmodels.case.case import Case
 from softmodels.case.gauges import followed_text
 from softmodels.materials.stability import instabilities
 from softmodels.materials.spread import material_spread
 from softmodels.materials.silicones import SILICONES, named, stretch_at_break
-
-Row = Mapping[str, Any]
+from softmodels.results.row import Row
 
 DEEPEST = 0.01
 """Depth of a contact in sizes of the device above which the user is warned."""

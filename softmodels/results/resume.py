@@ -115,7 +115,7 @@ def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     return [_stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def _stored_point(results: Results, fields: Any, comm: Any, step: int, restart: dict[str, Any], branching: bool) -> Any:
+def _stored_point(results: Results, fields: Any, comm: Any, step: int, restart: Mapping[str, Any], branching: bool) -> Any:
     """The point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
     from softmodels.mechanics.solver import Tangent
     from softmodels.path.points import Point

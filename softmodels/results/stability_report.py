@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from geometries import Actuator
+from softmodels.results.row import Row
 
-Row = Mapping[str, Any]
 
-
-def events(rows: Sequence[Row], gauge: str) -> list[dict[str, Any]]:
+def events(rows: Sequence[Row], gauge: str) -> list[dict[str, float | str]]:
     """Limit points, bifurcations and jumps of a path, in order, as ``summary.json`` lists them.
 
     A jump tells from where it starts too: volume and the gauge's rise before, and whether the device inflates or collapses.
     """
     kinds = ("limit", "bifurcation", "stroke_limit", "jump")
     keys = ("step", "pressure_cm", "pressure_Pa", "added_volume_ml", f"{gauge}_mm")
-    found = [{"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)]
+    found: list[dict[str, float | str]] = [{"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)]
     landed = [event for event in found if event["kind"] == "jump"]
     for event, (before, after) in zip(landed, jumps(rows), strict=True):
         event["way"] = _way(before, after)

@@ -13,11 +13,10 @@ import errno
 import io
 import json
 import os
-import re
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,27 +24,20 @@ import numpy.typing as npt
 from measurement.own_files import remove_steps
 from measurement.own_folder import PATIENCE, OwnFolder
 from softmodels.results.picture_files import picture_folder
+from softmodels.results.row import Row
+from softmodels.results.stored_step import RESTART, ROW, StoredStep, read_step, shapes_of
+from softmodels.results.writing import hdf5_reason, replace, replace_hdf5, write_text
 from softmodels.results.xdmf import xdmf
+
+if TYPE_CHECKING:
+    import h5py
 
 FORMAT = 2
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
-RESTART = "restart"
-"""What of a step is for a restart alone: its attribute, and the beginning of its fields' names."""
 KEPT = 8
 """Steps at the end of a gathered run that keep those fields: it is gone on with from there."""
-ROW = "row"
 RUN, BRANCH = "run", "branch/"
 """What a folder's record calls a run; the folder inside for a branch that leaves its path."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Stored:
-    """Where one step's fields are: HDF5 file (relative to the folder), group, and its row of ``path.csv``."""
-
-    file: str
-    group: str
-    row: dict[str, Any]
-    restart: dict[str, Any]
 
 
 class ResultsError(RuntimeError):
@@ -69,7 +61,7 @@ class Results:
     def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN):
         self.own = OwnFolder(folder, kind)
         self.folder, self.name, self.gauge = folder, name, gauge
-        self.stored: list[Stored] = []
+        self.stored: list[StoredStep] = []
         self._about: dict[str, Any] = {}
         self._renewal = ""
 
@@ -82,7 +74,7 @@ class Results:
         return self.folder / f"{self.name}.steps"
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Row]:
         return [step.row for step in self.stored]
 
     def branch(self) -> Results:
@@ -145,7 +137,7 @@ class Results:
         """Store the grid: points (n, 3) in m, cells (c, k) of an XDMF cell type."""
         self.folder.mkdir(parents=True, exist_ok=True)
 
-        def fill(file: Any) -> None:
+        def fill(file: h5py.File) -> None:
             file["mesh/points"], file["mesh/cells"] = points, cells
             file["mesh"].attrs["cell_name"] = cell_name
             file.attrs["format"] = FORMAT
@@ -185,17 +177,17 @@ class Results:
 
         if not self.heavy.exists():
             raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is nothing to go on from")
-        found: dict[int, Stored] = {}
+        found: dict[int, StoredStep] = {}
         try:
             with h5py.File(self.heavy) as file:
                 self._check_format(int(file.attrs.get("format", 0)), go_on)
                 cells = file["mesh/cells"].shape
                 self._shapes = (len(file["mesh/points"]), cells, str(file["mesh"].attrs["cell_name"]))
                 for group in file.get("steps", {}):
-                    found[int(group)] = _stored(file[f"steps/{group}"], self.heavy.name, f"/steps/{group}")
+                    found[int(group)] = read_step(file[f"steps/{group}"], self.heavy.name, f"/steps/{group}")
             for path in sorted(self.steps.glob("*.h5")):
                 with h5py.File(path) as file:
-                    found[int(path.stem)] = _stored(file, f"{self.steps.name}/{path.name}", "")
+                    found[int(path.stem)] = read_step(file, f"{self.steps.name}/{path.name}", "")
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
             if isinstance(error, ResultsError):
                 raise
@@ -216,20 +208,20 @@ class Results:
             )
 
     def add(
-        self, row: Mapping[str, Any], fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]
+        self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]
     ) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
         number = len(self.stored)
         self.steps.mkdir(exist_ok=True)
 
-        def fill(file: Any) -> None:
+        def fill(file: h5py.File) -> None:
             for name, values in fields.items():
                 file[name] = values
-            file.attrs[ROW], file.attrs[RESTART] = json.dumps(dict(row)), json.dumps(dict(restart))
+            file.attrs[ROW], file.attrs[RESTART] = json.dumps(row.cells), json.dumps(dict(restart))
 
         path = self.steps / f"{number:04d}.h5"
         replace_hdf5(path, fill)
-        self.stored.append(Stored(f"{self.steps.name}/{path.name}", "", dict(row), dict(restart)))
+        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row, dict(restart), shapes_of(fields)))
         self.write_light()
         if self.folder != self.own.path:
             self._bring_in()
@@ -303,54 +295,9 @@ class Results:
         text = io.StringIO(newline="")
         writer = csv.DictWriter(text, fieldnames=list(self.stored[0].row), lineterminator="\n")
         writer.writeheader()
-        writer.writerows(self.rows)
+        writer.writerows(row.cells for row in self.rows)
         replace(self.folder / "path.csv", lambda path: path.write_text(text.getvalue()))
         replace(
             self.folder / f"{self.name}.xdmf",
             lambda path: path.write_bytes(xdmf(self.name, self.heavy.name, self._shapes, self.stored)),
         )
-
-
-def _stored(group: Any, file: str, path: str) -> Stored:
-    return Stored(file, path, json.loads(group.attrs[ROW]), json.loads(group.attrs[RESTART]))
-
-
-def replace(path: Path, fill: Callable[[Path], Any]) -> None:
-    """Write a file aside and rename it into place, so that no reader ever sees a part of it."""
-    aside = path.with_name(f"{path.name}.part")
-    try:
-        fill(aside)
-        aside.replace(path)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
-
-
-def replace_hdf5(path: Path, fill: Callable[[Any], Any]) -> None:
-    """Make an HDF5 file in memory and write its bytes.
-
-    Writing by itself, HDF5 finds a full disk only when it closes the file, and then may crash at the program's end.
-    """
-    import h5py
-
-    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
-        fill(file)
-        file.flush()
-        image = file.id.get_file_image()
-    replace(path, lambda aside: aside.write_bytes(image))
-
-
-def hdf5_reason(error: BaseException) -> str:
-    """The operating system's word in one of HDF5's long messages, or the message's first line."""
-    found = re.search(r"error message = '([^']+)'", str(error))
-    return found[1] if found else str(error).strip().splitlines()[0]
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a small file whole or not at all."""
-    replace(path, lambda aside: aside.write_text(text))
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """The same of bytes."""
-    replace(path, lambda aside: aside.write_bytes(data))

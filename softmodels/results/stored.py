@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from geometries import Actuator
 from softmodels.case.case import Case
+from softmodels.results.row import Row
 from softmodels.results.store import Results, ResultsError
 from softmodels.results.skin import Skin, skin_of
 from softmodels.results.triangles import Array
@@ -44,7 +44,7 @@ class States:
         if not self.results.heavy.exists():
             raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
         self.results.load()
-        self.rows: list[dict[str, Any]] = self.results.rows
+        self.rows: list[Row] = self.results.rows
         if not self.rows:
             raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
         self.case = Case.from_file(folder / "case.toml")
@@ -75,7 +75,7 @@ class States:
         return next((step for step, row in enumerate(self.rows) if row.get("bifurcation")), None)
 
     @functools.cached_property
-    def branch(self) -> list[dict[str, Any]]:
+    def branch(self) -> list[Row]:
         """Rows of the branch that was followed from there; none if none was."""
         branch = self.results.branch()
         if branch.heavy.exists():

@@ -7,23 +7,12 @@ would write, and ParaView would show each field on a grid of its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-if TYPE_CHECKING:
-    from softmodels.results.store import Stored
-
-FIELDS = {
-    "displacement": "Vector",
-    "p": "Scalar",
-    "von_mises_stress": "Scalar",
-    "largest_stretch": "Scalar",
-    "J": "Scalar",
-}
-"""Nodal fields of every step, with XDMF's kind."""
+from softmodels.results.stored_step import StoredStep
 
 
-def xdmf(name: str, heavy: str, shapes: tuple[int, tuple[int, ...], str], stored: Sequence[Stored]) -> bytes:
+def xdmf(name: str, heavy: str, shapes: tuple[int, tuple[int, ...], str], stored: Sequence[StoredStep]) -> bytes:
     """The XDMF of a folder of results.
 
     Args:
@@ -46,16 +35,17 @@ def xdmf(name: str, heavy: str, shapes: tuple[int, tuple[int, ...], str], stored
             (points, 3),
             f"{heavy}:/mesh/points",
         )
-        extra = {"mode": "Vector"} if step.row.get("bifurcation") else {}
-        for name, kind in {**FIELDS, **extra}.items():
-            attribute = ElementTree.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center="Node")
-            shape = (points, 3) if kind == "Vector" else (points,)
-            _item(attribute, shape, f"{step.file}:{step.group}/{name}")
+        for field, shape in step.shapes.items():
+            kind = "Scalar" if len(shape) == 1 else "Vector"
+            attribute = ElementTree.SubElement(grid, "Attribute", Name=field, AttributeType=kind, Center="Node")
+            _item(attribute, shape, f"{step.file}:{step.group}/{field}")
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
-def _item(parent: Any, shape: tuple[int, ...], place: str, number: str = "Float", precision: str = "8") -> None:
+def _item(
+    parent: ElementTree.Element, shape: tuple[int, ...], place: str, number: str = "Float", precision: str = "8"
+) -> None:
     item = ElementTree.SubElement(
         parent, "DataItem", Dimensions=" ".join(map(str, shape)), NumberType=number, Precision=precision, Format="HDF"
     )

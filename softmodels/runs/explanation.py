@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from geometries import Actuator
@@ -11,6 +11,7 @@ from softmodels.case.case import Case
 from softmodels.path.schedule import step_text
 from softmodels.results.columns import cavity_columns
 from softmodels.results.lost_path import advice
+from softmodels.results.row import Row
 
 
 def explain(case: Case, end: Any, fields: Any, path: Any, petsc: bool = False) -> str:
@@ -42,7 +43,7 @@ def explain(case: Case, end: Any, fields: Any, path: Any, petsc: bool = False) -
     )
 
 
-def explain_step(case: Case, end: Any, rows: Sequence[Mapping[str, Any]], come: float, petsc: bool = False) -> str:
+def explain_step(case: Case, end: Any, rows: Sequence[Row], come: float, petsc: bool = False) -> str:
     """The same of a program's step."""
     number = math.floor(come) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
@@ -73,7 +74,7 @@ def _risen(device: Actuator, rises: dict[str, float]) -> str:
     return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
 
 
-def explain_failure(case: Case, failure: Exception, last: Mapping[str, Any] | None, petsc: bool = False) -> str:
+def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: bool = False) -> str:
     """The same where no state was found at the beginning or at a limit point, where there is no step to shorten.
 
     Args:

@@ -17,7 +17,8 @@ from softmodels.case.identity import difference, identity
 from softmodels.results.outcomes import BAD_INPUT, FAILED, RunError
 from softmodels.results.picture_files import picture_files, picture_folder
 from softmodels.results.resume import check_same, check_values, drop_between
-from softmodels.results.store import RUN, Results, ResultsError, write_text
+from softmodels.results.store import RUN, Results, ResultsError
+from softmodels.results.writing import write_text
 
 MOST_GAPS = 20
 """Numbered folders that may be missing in a row where an earlier run is looked for."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Any
 
 from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
+from softmodels.results.row import Row
 from softmodels.results.stability_report import events, stability_text
-from softmodels.results.store import Results, write_text
+from softmodels.results.store import Results
+from softmodels.results.writing import write_text
 
 
 def gather(case: Case, results: Results, status: int, message: str, notes: Sequence[str]) -> None:
@@ -20,7 +21,7 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
     """
     results.finish()
     text = {
-        "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1],
+        "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, case.actuator.gauge), "stretch_at_break": stretch_at_break(case.material),
         "notes": list(notes), "stability": stability_text(results.rows, case.actuator, branch_rows(results)),
     }  # fmt: skip
@@ -28,7 +29,7 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
     write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
 
 
-def branch_rows(results: Results) -> list[dict[str, Any]]:
+def branch_rows(results: Results) -> list[Row]:
     """The rows of the branch that was followed; none if none was."""
     branch = results.branch()
     if branch.heavy.exists():

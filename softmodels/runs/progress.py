@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from typing import Any
+
+from softmodels.results.row import Row
 
 
 class Progress:
@@ -59,7 +60,7 @@ class Progress:
         """Nobody reads any more, or a log's disk is full: a run outlives its log, where rich would end the program."""
         self.console.quiet = True
 
-    def step(self, row: Mapping[str, Any], value: float) -> None:
+    def step(self, row: Row, value: float) -> None:
         """One step done: its row of the table, and how far it is towards the last requested value."""
         text = (
             f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  {self.gauge} rise {row[f'{self.gauge}_mm']:+8.3f} mm  "

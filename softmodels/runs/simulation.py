@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -17,6 +17,7 @@ from softmodels.mechanics.compiling import CompilingError, cache, compiling, wai
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.results.columns import restart_of, row_of
 from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.results.row import Row
 from softmodels.runs.explanation import explain, explain_failure, explain_step
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class Listener(Protocol):
     def say(self, text: str) -> None:
         """One sentence about what is going on."""
 
-    def step(self, row: Mapping[str, Any], value: float) -> None:
+    def step(self, row: Row, value: float) -> None:
         """A state was solved: its row of ``path.csv``, and how far it is towards the last requested value."""
 
 
@@ -51,7 +52,7 @@ class Silent:
     def say(self, text: str) -> None:
         pass
 
-    def step(self, row: Mapping[str, Any], value: float) -> None:
+    def step(self, row: Row, value: float) -> None:
         pass
 
 
@@ -70,7 +71,7 @@ class Step:
         restart: Numbers that a restart needs beside the fields.
     """
 
-    row: dict[str, Any]
+    row: Row
     fields: dict[str, Array] | None
     restart: dict[str, Any]
 
@@ -86,7 +87,7 @@ class Begun:
         stop: The same of a program: the end of its last complete step.
     """
 
-    rows: Sequence[dict[str, Any]] = ()
+    rows: Sequence[Row] = ()
     left: Sequence[bool] = ()
     points: Sequence[Point] = ()
     stop: Stop | None = None
