@@ -19,7 +19,7 @@ MOST_CELLS = 3_000_000
 WIDEST, NARROWEST = 160.0, 10.0
 """Largest and smallest spread in degrees; beyond 160 the outermost channels run along the clamp."""
 
-SNUGGEST = 0.9
+LARGEST_BORE_RATIO = 0.9
 """Largest bore of a channel in bores of the manifold: nearly equal ones meet at tangents, which no mesh survives."""
 
 SAMPLES = 40
@@ -87,9 +87,10 @@ def _check_heights(slab: SeminarActuator) -> None:
 
 def _check_manifold(slab: SeminarActuator) -> None:
     bore, radius = slab.manifold_bore, slab.manifold_radius
-    if slab.channel_bore > SNUGGEST * bore:
+    if slab.channel_bore > LARGEST_BORE_RATIO * bore:
         raise GeometryError(
-            f"channel_bore is {_mm(slab.channel_bore)}; it must not pass {SNUGGEST:g} times manifold_bore, {_mm(bore)}"
+            f"channel_bore is {_mm(slab.channel_bore)}; it must not pass {LARGEST_BORE_RATIO:g} times manifold_bore, "
+            f"{_mm(bore)}"
         )
     if radius < 2.0 * bore:
         raise GeometryError(

@@ -23,7 +23,7 @@ Mask = npt.NDArray[np.bool_]
 MISSING = 4.0
 """Distance of neighbouring points, over the usual one, from which something is missing between them."""
 
-SPOILT_BESIDE = 2
+DROPPED_BESIDE_GAP = 2
 """Points on each side of a gap that what made it has touched as well."""
 
 SHORTEST = 12
@@ -84,7 +84,7 @@ def _stretches(step: Array, usual: float) -> list[slice]:
     breaks = np.flatnonzero(step > MISSING * usual) + 1
     firsts, lasts = np.r_[0, breaks], np.r_[breaks, len(step) + 1]
     parts = [
-        slice(first + (SPOILT_BESIDE if first else 0), last - (SPOILT_BESIDE if last <= len(step) else 0))
+        slice(first + (DROPPED_BESIDE_GAP if first else 0), last - (DROPPED_BESIDE_GAP if last <= len(step) else 0))
         for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True)
     ]
     long = [part for part in parts if part.stop - part.start >= SHORTEST]

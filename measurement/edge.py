@@ -35,7 +35,7 @@ INK_TRUST = 0.05
 BETWEEN = 1.5
 """Values between pixels scatter less than the pixels: bilinear weights leave 2/3 of the variance on average."""
 
-SPOILT = 4.0
+LARGEST_RESIDUAL_RATIO = 4.0
 """Residual of a profile over the usual one from which something lies on the edge."""
 
 Transmission = Callable[[Array], Array]
@@ -243,7 +243,7 @@ def _erf_fit(place: Array, normal: Array, profile: Array, weight: Array, offsets
     )  # fmt: skip
     # Dust on the edge spoils the curve's shape before it moves its middle much.
     usual = np.median(own[good]) if good.any() else np.inf
-    spoilt = (own > SPOILT**2 * usual) | (np.abs(np.log(width / _local_median(width))) > 0.35)
+    spoilt = (own > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / _local_median(width))) > 0.35)
     if good.any() and (spoilt & good).sum() < 0.2 * good.sum():
         good &= ~spoilt
     shape_misfit, on_ink = _shape_misfit(

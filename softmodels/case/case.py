@@ -29,7 +29,7 @@ CONTROLS = ("auto", "pressure", "volume", "arc-length")
 FORMULATIONS = ("mixed", "displacement")
 STIFFNESS_RANGE = 30.0
 """Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""
-MODULI = (500.0, 5e6)
+SHEAR_MODULUS_RANGE = (500.0, 5e6)
 """Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
 TABLES = ("geometry", "material", "load", "solver", "sheet", "contact", "supply", "points", "angles", "profile")
 VOLUME_RANGE = 1000.0
@@ -159,10 +159,10 @@ class Case:
     def _check_sizes(self) -> None:
         """Refuse numbers that only a mistaken unit gives: the solver would take them, or fail without saying why."""
         mu = self.material.shear_modulus_0
-        if not MODULI[0] <= mu <= MODULI[1]:
+        if not SHEAR_MODULUS_RANGE[0] <= mu <= SHEAR_MODULUS_RANGE[1]:
             raise CaseError(
                 f"the material's shear modulus is {mu:.4g} Pa; silicones have 5 to 500 kPa, so check the units of its "
-                f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are taken)"
+                f"parameters ({SHEAR_MODULUS_RANGE[0] / 1e3:g} to {SHEAR_MODULUS_RANGE[1] / 1e3:g} kPa are taken)"
             )
         given = {is_volume: [v for one in self.program if one.is_volume == is_volume for v in one.values]
                  for is_volume in (False, True)}  # fmt: skip

@@ -132,8 +132,7 @@ def _solve() -> str:
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.mpi import start
     from softmodels.mechanics.solver import Equilibrium
-    from softmodels.path.continuation import Path as LoadPath
-    from softmodels.path.continuation import trace
+    from softmodels.path.continuation import Continuation, trace
     from softmodels.results.fields import Fields
 
     comm = start()
@@ -143,7 +142,7 @@ def _solve() -> str:
     started = time.perf_counter()
     equilibrium = Equilibrium(body, DEFAULT)
     prepared = time.perf_counter()
-    *_, last = trace(LoadPath(equilibrium), [5150.0 / equilibrium.stress_unit])
+    *_, last = trace(Continuation(equilibrium), [5150.0 / equilibrium.stress_unit])
     rise = Fields(equilibrium).figures(last.state).rises["apex"] * 1e3
     if abs(rise / EXPECTED_MM - 1) > 0.02:
         raise RuntimeError(f"the test disk rose {rise:.4f} mm where {EXPECTED_MM} mm were expected")

@@ -35,15 +35,15 @@ class Bordered:
         K: Tangent matrix (PETSc Mat, symmetric) to factorise; its values may change, its pattern may not.
         product: ``product(x, y)`` puts the current tangent times x into y (local owned arrays). Where K was factorised at
             an earlier state, this is what makes the solution that of the present one.
-        held: Number of held volumes.
+        constraints: Number of held volumes.
     """
 
-    def __init__(self, K: Any, product: Callable[[Any, Any], None], held: int = 0):
+    def __init__(self, K: Any, product: Callable[[Any, Any], None], constraints: int = 0):
         from petsc4py import PETSc
 
         self.K, self.product, self.comm = K, product, K.comm.tompi4py()
         self.n = K.getLocalSize()[0]
-        self.scalars = 1 + held
+        self.scalars = 1 + constraints
         self.extra = self.scalars if owns_scalars(self.comm) else 0
         self.columns = [K.createVecRight() for _ in range(self.scalars)]
         self._lifted = [K.createVecRight() for _ in range(self.scalars)]
@@ -73,7 +73,7 @@ class Bordered:
         return self.columns[0]
 
     @property
-    def held(self) -> list[Any]:
+    def constraint_columns(self) -> list[Any]:
         """The loads of unit pressures in the cavities whose volumes are held."""
         return self.columns[1:]
 
@@ -114,21 +114,21 @@ class Bordered:
     def solve(self, b: Any, x: Any) -> None:
         """x = K^-1 b with the factorisation at hand, among the motions that keep the held volumes."""
         self._direct.apply(b, x)
-        if self.held:
-            opened = [column.dot(x) for column in self.held]
+        if self.constraint_columns:
+            opened = [column.dot(x) for column in self.constraint_columns]
             for pressure, lifted in zip(
                 np.linalg.solve(self.compliances[1:, 1:], opened), self._lifted[1:], strict=True
             ):
                 x.axpy(-pressure, lifted)
 
-    def negatives(self) -> int:
+    def negative_eigenvalues(self) -> int:
         """Negative eigenvalues of the K that was factorised, on the motions that keep the held volumes.
 
         Its negative pivots (Sylvester's law of inertia), less those that holding the volumes takes away: the negative
         eigenvalues of H^T K^-1 H (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5).
         """
-        held = np.linalg.eigvalsh(self.compliances[1:, 1:]) if self.held else np.empty(0)
-        return int(self._direct.getFactorMatrix().getMumpsInfog(12)) - int(np.count_nonzero(held < 0))
+        constrained = np.linalg.eigvalsh(self.compliances[1:, 1:]) if self.constraint_columns else np.empty(0)
+        return int(self._direct.getFactorMatrix().getMumpsInfog(12)) - int(np.count_nonzero(constrained < 0))
 
     def refresh(self) -> None:
         """Take up new columns: K^-1 times each with the factorisation at hand, and the compliances between them."""
@@ -144,19 +144,20 @@ class Bordered:
         self.product(body, self._y.array_w)
         for pressure, column in zip(pressures, self.columns, strict=True):
             self._y.axpy(-pressure, column)
-        along = self.control.volume * (self.row or self.q).dot(self._r) + self.control.pressure * pressures[0]
-        self.join(y, self._y.array_r, [along, *(column.dot(self._r) for column in self.held)])
+        a, b = self.control.volume_coefficient, self.control.pressure_coefficient
+        gap = a * (self.row or self.q).dot(self._r) + b * pressures[0]
+        self.join(y, self._y.array_r, [gap, *(column.dot(self._r) for column in self.constraint_columns)])
 
     def apply(self, pc: Any, x: Any, y: Any) -> None:
         body, gaps = self.split(x)
         self._r.array_w[:] = body
         self._direct.apply(self._r, self._y)
-        a, rows = self.control.volume, [self.row or self.q, *self.held]
+        a, rows = self.control.volume_coefficient, [self.row or self.q, *self.constraint_columns]
         matrix = self.compliances.copy()
         if self.row:
             matrix[0] = [self.row.dot(lifted) for lifted in self._lifted]
         matrix[0] *= a
-        matrix[0, 0] += self.control.pressure
+        matrix[0, 0] += self.control.pressure_coefficient
         opened = np.array([row.dot(self._y) for row in rows])
         opened[0] *= a
         # Most devices have one cavity, and this is called for every iteration.

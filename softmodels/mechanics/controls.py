@@ -1,6 +1,6 @@
 """A control is a curve in the plane of cavity pressure and volume, most often a line.
 
-The pressure P is an unknown of every solve. Its equation is ``volume * V + pressure * P = target``: pressure control,
+The pressure P is an unknown of every solve. Its equation is ``a V + b P = target``: pressure control,
 volume control and arc length are three pairs of numbers, and pass limit points through one and the same solver. A gas law
 (`softmodels.path.syringe`) is a function of V and P instead, of which Newton's method takes the tangent.
 All figures are dimensionless (P in shear moduli, V in cubed sizes of the device).
@@ -29,15 +29,15 @@ class Curve(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Control:
-    """The line ``volume * V + pressure * P = target``."""
+    """The line ``a V + b P = target``."""
 
-    volume: float
-    pressure: float
+    volume_coefficient: float
+    pressure_coefficient: float
     target: float
 
     def value(self, V: float, P: float) -> float:
         """Left side of the line's equation at a state."""
-        return self.volume * V + self.pressure * P
+        return self.volume_coefficient * V + self.pressure_coefficient * P
 
     @property
     def weight(self) -> float:
@@ -46,11 +46,11 @@ class Control:
 
     @property
     def needs_volume(self) -> bool:
-        return self.volume != 0.0
+        return self.volume_coefficient != 0.0
 
     def slopes(self, V: float, P: float) -> tuple[float, float]:
         """Slopes of the left side to V and P, the same everywhere."""
-        return self.volume, self.pressure
+        return self.volume_coefficient, self.pressure_coefficient
 
     def line(self, V: float, P: float) -> Control:
         """The tangent: the line itself."""

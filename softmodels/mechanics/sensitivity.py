@@ -107,8 +107,8 @@ class Sensitivity:
             dmu = self._along.turn(eq.material, name)
             force, opened = eq._assemble([self._material]), 0.0
         # The line is meant in Pa and m3; in shear moduli it moves as the shear modulus does.
-        gap = -control.volume * opened - control.pressure * state.P * dmu / mu
-        moved = eq.respond(-force, gap, TOLERANCE)
+        gap = -control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
+        moved = eq.linear_response(-force, gap, TOLERANCE)
         return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit)
 
 

@@ -15,7 +15,7 @@ from softmodels.mechanics.bordered import Bordered
 from softmodels.mechanics.callbacks import weakly
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.controls import Control, Curve, pressure_control
-from softmodels.mechanics.coupling import Drive
+from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.system import Discrete, State
@@ -27,8 +27,10 @@ MOST_ITERATIONS = 15
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
 TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
 TANGENT_TOLERANCE = 1e-5
-WORN = 25  # GMRES iterations in one solve after which the kept factorisation is replaced at once
-STALE = 60  # GMRES iterations in all after which the next state gets a factorisation of its own
+MOST_ITERATIONS_OF_A_SOLVE = 25
+"""GMRES iterations in one solve after which the kept factorisation is replaced at once."""
+MOST_ITERATIONS_OF_A_FACTORISATION = 60
+"""GMRES iterations in all after which the next state gets a factorisation of its own."""
 
 
 class NoConvergence(RuntimeError):
@@ -76,55 +78,57 @@ class Equilibrium(Discrete):
         self.worn = False
         self._iterate = np.empty(0)
         self._since: npt.NDArray[np.float64] | None = None
-        self.system = Bordered(self.K, weakly(self._multiply))
+        self.bordered = Bordered(self.K, weakly(self._multiply))
         self.snes: Any = None
         self.anchor: Any = None
         self._make_solver()
 
-    def _take(self, x: Any) -> npt.NDArray[np.float64]:
-        body, scalars = self.system.split(x)
+    def _set_iterate(self, x: Any) -> npt.NDArray[np.float64]:
+        body, scalars = self.bordered.split(x)
         self.w.x.array[: self.n] = body
         self.w.x.scatter_forward()
         self._set_pressures(float(scalars[0]), scalars[1:])
         return scalars
 
-    def take_over(self, drive: Drive, state: State, pressures: npt.NDArray[np.float64]) -> State:
-        """Drive the cavities another way from a state on.
+    def couple(self, coupling: Coupling, state: State, pressures: npt.NDArray[np.float64]) -> State:
+        """Couple the cavities in another way from a state on.
 
         Args:
-            drive: The new way.
-            state: The state; of its pressures nothing is read.
+            coupling: The new coupling.
+            state: The state; its pressures are not read.
             pressures: Those of the cavities there, shape (k,).
 
         Returns:
-            The same state as the new drive counts it, with P = 0.
+            The same state in the new coupling, with P = 0.
         """
-        held = len(self.drive.held)
-        self.drive = drive
-        if len(drive.held) != held:
+        constraints = len(self.coupling.constraints)
+        self.coupling = coupling
+        if len(coupling.constraints) != constraints:
             self._drop_solver()
-            self.system = Bordered(self.K, weakly(self._multiply), len(drive.held))
+            self.bordered = Bordered(self.K, weakly(self._multiply), len(coupling.constraints))
             self._make_solver()
-        start = State(np.concatenate([state.w[: self.dofs], drive.multipliers(pressures)]), 0.0, 0.0)
+        start = State(np.concatenate([state.w[: self.dofs], coupling.multipliers(pressures)]), 0.0, 0.0)
         self.load(start)
         return dataclasses.replace(start, V=self.volume())
 
     def _residual(self, snes: Any, x: Any, f: Any) -> None:
-        P = float(self._take(x)[0])
-        loads, drive, control = self._set_columns(), self.drive, self.control
+        P = float(self._set_iterate(x)[0])
+        loads, coupling, control = self._set_columns(), self.coupling, self.control
         inner = self._assemble(self._inner)
-        volumes = self.volumes() if control.needs_volume or len(drive.held) else np.zeros(len(loads))
-        measured = float(drive.along @ volumes) if self.anchor is None else self._along()
+        volumes = self.volumes() if control.needs_volume or len(coupling.constraints) else np.zeros(len(loads))
+        measured = float(coupling.shares @ volumes) if self.anchor is None else self._along()
         gap = control.weight * (control.value(measured, P) - control.target)
-        self.system.control = control.line(measured, P)  # Newton's matrix at this iterate has the control's tangent
-        self.system.join(f, inner - self.pressures @ loads, [gap, *(drive.held @ volumes - drive.kept)])
+        self.bordered.control = control.line(measured, P)  # Newton's matrix at this iterate has the control's tangent
+        self.bordered.join(
+            f, inner - self.pressures @ loads, [gap, *(coupling.constraints @ volumes - coupling.constrained_volumes)]
+        )
         self._load_size = float(np.abs(self.pressures) @ self._norms(loads))
 
     def _set_columns(self) -> npt.NDArray[np.float64]:
         """Put the current state's loads in the system's border; each cavity's load of a unit pressure, shape (k, n)."""
         loads = np.array([self._assemble([load]).copy() for load in self._loads])
-        rows = [self.drive.along, *self.drive.held]
-        for column, row in zip(self.system.columns, rows, strict=True):
+        rows = [self.coupling.shares, *self.coupling.constraints]
+        for column, row in zip(self.bordered.columns, rows, strict=True):
             column.array_w[:] = row @ loads
         return loads
 
@@ -134,7 +138,7 @@ class Equilibrium(Discrete):
     def _along(self) -> float:
         """How far the current state has gone from the anchor along its force."""
         self._y.array_w[:] = self.w.x.array[: self.n] - self.anchor[: self.n]
-        return float(self.system.row.dot(self._y))
+        return float(self.bordered.row.dot(self._y))
 
     def solve_along(
         self, force: Any, anchor: npt.NDArray[np.float64], amount: float, w: npt.NDArray[np.float64], P: float
@@ -149,21 +153,21 @@ class Equilibrium(Discrete):
         Raises:
             NoConvergence: Newton's method did not get there.
         """
-        self.system.row, self.anchor = force, anchor
+        self.bordered.row, self.anchor = force, anchor
         try:
             return self.solve(Control(1.0, 0.0, amount), w, P)
         finally:
-            self.system.row = self.anchor = None
+            self.bordered.row = self.anchor = None
 
     def _jacobian(self, snes: Any, x: Any, J: Any, P: Any) -> None:
-        self._take(x)
+        self._set_iterate(x)
         self._foresee_stress()
-        if self.system.factorisations == 0 or self.worn:
+        if self.bordered.factorisations == 0 or self.worn:
             self._assemble_tangent()
-            self.system.factorise()
+            self.bordered.factorise()
             self.age, self.base, self.worn = 0, None, False
         else:
-            self.system.refresh()
+            self.bordered.refresh()
         J.assemble()
 
     def _foresee_stress(self) -> None:
@@ -185,11 +189,11 @@ class Equilibrium(Discrete):
 
         self.age, self.base, self.worn = 0, None, False
         self._first = self._before = math.inf
-        self._x, self._f, self._y = self.system.vector(), self.system.vector(), self.K.createVecRight()
+        self._x, self._f, self._y = self.bordered.vector(), self.bordered.vector(), self.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(self.comm)
         snes.setType("newtonls")
         snes.setFunction(weakly(self._residual), self._f)
-        snes.setJacobian(weakly(self._jacobian), self.system.mat)
+        snes.setJacobian(weakly(self._jacobian), self.bordered.mat)
         snes.getLineSearch().setType("basic")
         snes.setLineSearchPreCheck(weakly(self._guard))
         snes.setConvergenceTest(weakly(self._converged))
@@ -204,19 +208,19 @@ class Equilibrium(Discrete):
             ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=60)
             pc = ksp.getPC()
             pc.setType("python")
-            pc.setPythonContext(self.system.shell)
+            pc.setPythonContext(self.bordered.shell)
         snes.setFromOptions()
 
     def _guard(self, x: Any, y: Any) -> bool:
         """Shorten Newton's step y (the next iterate is x - y) until no integration point turns inside out."""
         self._count(self.snes.getKSP())
-        self._take(x)
+        self._set_iterate(x)
         least = 0.1 * self.smallest_J()
         trial, factor = x.duplicate(), 1.0
         for _ in range(8):
             x.copy(trial)
             trial.axpy(-factor, y)
-            self._take(trial)
+            self._set_iterate(trial)
             if self.smallest_J() > least:
                 break
             factor /= 2
@@ -232,7 +236,7 @@ class Equilibrium(Discrete):
             return reasons.DIVERGED_FNORM_NAN
         if iteration == 0:
             self._first = residual
-        tolerance = TOLERANCE * max(self._load_size, FLOOR * self.system.q.norm())
+        tolerance = TOLERANCE * max(self._load_size, FLOOR * self.bordered.q.norm())
         # Forces in a thin wall cancel to a part in 1e9 of themselves; what rounding leaves of them Newton cannot mend.
         settled = iteration >= 2 and residual > 0.5 * self._before and residual <= ROUNDING * tolerance
         if residual <= tolerance or settled:
@@ -273,13 +277,13 @@ class Equilibrium(Discrete):
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
         self.control, self._since = control, since
-        self.system.join(self._x, w[: self.n], [P, *w[self.dofs :]])
+        self.bordered.join(self._x, w[: self.n], [P, *w[self.dofs :]])
         self.snes.solve(None, self._x)
         reason = self.snes.getConvergedReason()
         if reason <= 0:
-            self.age = STALE + 1  # what led here is no preconditioner to go on with
+            self.age = MOST_ITERATIONS_OF_A_FACTORISATION + 1  # what led here is no preconditioner to go on with
             raise NoConvergence(_REASONS.get(reason, f"PETSc's reason {reason}"))
-        scalars = self._take(self._x)
+        scalars = self._set_iterate(self._x)
         w = np.concatenate([self.w.x.array, scalars[1:]])
         return State(w, float(scalars[0]), self.volume(), self.snes.getIterationNumber())
 
@@ -288,18 +292,18 @@ class Equilibrium(Discrete):
         self.load(state)
         self._set_columns()
         self._assemble_tangent()
-        self.system.factorise()
+        self.bordered.factorise()
         self.age, self.base, self.worn = 0, state, False
 
     def _count(self, ksp: Any) -> None:
         """How much older a linear solve has made the kept factorisation."""
         self.age += ksp.getIterationNumber()
-        self.worn = ksp.getIterationNumber() > WORN
+        self.worn = ksp.getIterationNumber() > MOST_ITERATIONS_OF_A_SOLVE
 
     @property
     def stale(self) -> bool:
         """Whether a new factorisation is due: the kept one has aged, or was made at an iterate and not at a state."""
-        return self.base is None or self.age > STALE
+        return self.base is None or self.age > MOST_ITERATIONS_OF_A_FACTORISATION
 
     def tangent(self, state: State, control: Control, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
         """Direction of the path at a state, scaled to one unit of the control's line, to a relative tolerance.
@@ -308,16 +312,16 @@ class Equilibrium(Discrete):
             NoConvergence: The linear solver did not get there (the line runs along the path, say).
         """
         self._border(state, control)
-        return self.respond(0.0, 1.0, tolerance)
+        return self.linear_response(0.0, 1.0, tolerance)
 
     def _border(self, state: State, control: Control) -> None:
         """Set the system's border for linear answers at a state, the control's line held."""
         self.load(state)
         self._set_columns()
-        self.system.control = control
-        self.system.refresh()
+        self.bordered.control = control
+        self.bordered.refresh()
 
-    def respond(self, force: Any, gap: float, tolerance: float) -> Tangent:
+    def linear_response(self, force: Any, gap: float, tolerance: float) -> Tangent:
         """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line.
 
         `tangent` has to have been called at this state: it sets the border of the system.
@@ -330,50 +334,52 @@ class Equilibrium(Discrete):
         Raises:
             NoConvergence: The linear solver did not get there.
         """
-        system, ksp = self.system, self.snes.getKSP()
+        bordered, ksp = self.bordered, self.snes.getKSP()
         rhs, x = self._f, self._x
-        system.join(rhs, force, [gap, *np.zeros(len(system.held))])
-        system.mat.assemble()
-        ksp.setOperators(system.mat)
+        bordered.join(rhs, force, [gap, *np.zeros(len(bordered.constraint_columns))])
+        bordered.mat.assemble()
+        ksp.setOperators(bordered.mat)
         ksp.setTolerances(rtol=tolerance)
         ksp.solve(rhs, x)
         self._count(ksp)
         if ksp.getConvergedReason() <= 0:
             raise NoConvergence("the linear solver failed on the state's linear response")
-        body, pressures = system.split(x)
+        body, pressures = bordered.split(x)
         direction = self._direction.x
         direction.array[: self.n] = body
         direction.scatter_forward()
         self._y.array_w[:] = body
         w = np.concatenate([direction.array, pressures[1:]])
-        return Tangent(w, float(pressures[0]), system.q.dot(self._y))
+        return Tangent(w, float(pressures[0]), bordered.q.dot(self._y))
 
-    def compliance(self, state: State, load: npt.NDArray[np.float64]) -> float:
+    def dead_load_compliance(self, state: State, load: npt.NDArray[np.float64]) -> float:
         """Work of a dead load (owned entries, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
 
         One more back-substitution with the factorisation at hand and a few iterations; infinite where the tangent has no
         solution.
         """
         self.load(state)
-        system, rhs, x = self.system, self._f, self._x
+        bordered, rhs, x = self.bordered, self._f, self._x
         ksp: Any = self._side
-        system.control = pressure_control(0.0)
-        system.join(rhs, load, np.zeros(system.scalars))
-        system.mat.assemble()
-        ksp.setOperators(system.mat)
+        bordered.control = pressure_control(0.0)
+        bordered.join(rhs, load, np.zeros(bordered.scalars))
+        bordered.mat.assemble()
+        ksp.setOperators(bordered.mat)
         ksp.solve(rhs, x)
         if ksp.getConvergedReason() <= 0:
             return math.inf
-        return total(self.comm, float(load @ system.split(x)[0]))
+        return total(self.comm, float(load @ bordered.split(x)[0]))
 
-    def response(self, state: State, force: npt.NDArray[np.float64], tolerance: float) -> npt.NDArray[np.float64]:
+    def inverse_tangent(
+        self, state: State, force: npt.NDArray[np.float64], tolerance: float
+    ) -> npt.NDArray[np.float64]:
         """K^-1 ``force`` at a state and a given pressure (local owned arrays), to a relative tolerance.
 
         Raises:
             NoConvergence: The linear solver did not get there.
         """
         self._border(state, pressure_control(state.P))
-        return self.respond(force, 0.0, tolerance).w[: self.n]
+        return self.linear_response(force, 0.0, tolerance).w[: self.n]
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold for this device; it cannot be solved any more.
@@ -387,7 +393,7 @@ class Equilibrium(Discrete):
     def _drop_solver(self) -> None:
         self.snes.destroy()
         self._side.destroy()
-        self.system.release()
+        self.bordered.release()
         for thing in (self._x, self._f, self._y):
             thing.destroy()
 

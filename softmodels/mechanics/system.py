@@ -21,7 +21,7 @@ from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, in_section
 from softmodels.mechanics.contact import Contact, Obstacle
-from softmodels.mechanics.coupling import Drive
+from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.sheet import Sheet, membrane_energy, membrane_stress, membrane_tangent, surface_metric
 
@@ -62,7 +62,7 @@ class Discrete:
         w: The current state's unknowns; P and ``pressures`` go with it.
         K: Matrix with the pattern of the tangent.
         n: Number of owned unknowns; ``dofs`` counts ghosts too.
-        drive: How the cavities' pressures hang together.
+        coupling: How the cavities' pressures and volumes are coupled.
 
     Raises:
         BodyError: A cavity whose wall encloses another volume than the device's.
@@ -107,17 +107,19 @@ class Discrete:
         strain = Strain(body.deformation_gradient(y))
         jit = {"cffi_extra_compile_args": ["-O2"]}
         self.form = form = functools.partial(fem.form, jit_options=jit)
-        self.drive = Drive.proportional(body.actuator.ratios)
+        self.coupling = Coupling.proportional(body.actuator.ratios)
         volumes = body.volumes(y)
         loads = [ufl.derivative(volume, self.w, test) for volume in volumes]
         self._volumes, self._loads = [form(own) for own in volumes], [form(load) for load in loads]
         volume, pressures = volumes[0], self.P * loads[0]
-        self._shares: list[tuple[Any, Any]] = []  # of P, and apart from it; constants, so that others compile nothing
+        self._cavity_loads: list[
+            tuple[Any, Any]
+        ] = []  # share of P and the rest; constants, so that others compile nothing
         if body.actuator.ratios != (1.0,):
-            self._shares = [(fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)) for _ in volumes]
-            volume = sum(along * own for (along, _), own in zip(self._shares, volumes, strict=True))
+            self._cavity_loads = [(fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)) for _ in volumes]
+            volume = sum(share * own for (share, _), own in zip(self._cavity_loads, volumes, strict=True))
             pressures = sum(
-                (along * self.P + apart) * load for (along, apart), load in zip(self._shares, loads, strict=True)
+                (share * self.P + rest) * load for (share, rest), load in zip(self._cavity_loads, loads, strict=True)
             )
         self._direction = fem.Function(self.space)
         # Every term of the potential has forms of its own, added up when assembled: bodies share the law's, laws the load's.
@@ -235,10 +237,10 @@ class Discrete:
 
     def _set_pressures(self, P: float, multipliers: npt.NDArray[np.float64]) -> None:
         self.P.value = P
-        self.pressures = self.drive.pressures(P, multipliers)
-        for i, (along, apart) in enumerate(self._shares):
-            along.value = self.drive.along[i]
-            apart.value = self.pressures[i] - P * self.drive.along[i]
+        self.pressures = self.coupling.pressures(P, multipliers)
+        for i, (share, rest) in enumerate(self._cavity_loads):
+            share.value = self.coupling.shares[i]
+            rest.value = self.pressures[i] - P * self.coupling.shares[i]
 
     def _assemble(self, forms: list[Any]) -> npt.NDArray[np.float64]:
         """Sum of assembled linear forms, owned entries, zero at held dofs."""
@@ -260,11 +262,11 @@ class Discrete:
 
     def pressures_at(self, state: State) -> npt.NDArray[np.float64]:
         """Pressure of each cavity at a state, shape (k,)."""
-        return self.drive.pressures(state.P, state.w[self.dofs :])
+        return self.coupling.pressures(state.P, state.w[self.dofs :])
 
     def volume(self) -> float:
         """Volume that P works on, of the current state."""
-        return float(self.drive.along @ self.volumes())
+        return float(self.coupling.shares @ self.volumes())
 
     def volumes(self) -> npt.NDArray[np.float64]:
         """Volume of each cavity in the current state, shape (k,)."""
@@ -343,7 +345,7 @@ class Discrete:
 
     def rest(self) -> State:
         """The undeformed state at no pressure."""
-        state = State(np.zeros(self.dofs + len(self.drive.held)), 0.0, 0.0)
+        state = State(np.zeros(self.dofs + len(self.coupling.constraints)), 0.0, 0.0)
         self.load(state)
         return dataclasses.replace(state, V=self.volume())
 

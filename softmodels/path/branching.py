@@ -17,7 +17,7 @@ import numpy.typing as npt
 from softmodels.mechanics.controls import arc_length
 from softmodels.mechanics.solver import NoConvergence
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import Path
+from softmodels.path.continuation import Continuation
 from softmodels.path.points import PathEnd, Point, predict
 from softmodels.path.stability import Mode
 
@@ -41,7 +41,7 @@ class Branch:
         sign: 1 or -1: which way along the mode. Where a symmetry of the device maps one to the other, both are the same.
     """
 
-    def __init__(self, path: Path, bifurcation: Point, sign: int):
+    def __init__(self, path: Continuation, bifurcation: Point, sign: int):
         self.path, self.start, self.sign = path, bifurcation, sign
         self.mode = Mode(path.stability, bifurcation.mode)
         path.points, path.line, path.modes = [], "arc-length", []
@@ -106,7 +106,7 @@ class Branch:
         return abs(error) <= FORETOLD * abs(amount - self.amount(s.w))
 
 
-def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = float("inf")) -> Iterator[Point]:
+def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: float = float("inf")) -> Iterator[Point]:
     """Follow the branch away from a bifurcation.
 
     Args:
@@ -121,11 +121,11 @@ def follow(path: Path, bifurcation: Point, sign: int = 1, farthest: float = floa
     Raises:
         PathEnd: The branch could be followed no further.
     """
-    from softmodels.path.continuation import FARTHEST
+    from softmodels.path.continuation import LARGEST_GROWTH
 
     def ends(point: Point) -> bool:
         value = path.value(point.state)
-        return value >= farthest or value <= 0.0 or not 0.05 < point.state.V / path.V_scale < FARTHEST
+        return value >= farthest or value <= 0.0 or not 0.05 < point.state.V / path.V_scale < LARGEST_GROWTH
 
     branch = Branch(path, bifurcation, sign)
     try:

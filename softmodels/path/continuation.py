@@ -27,15 +27,14 @@ QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it 
 GROWTH = 1.7
 SOFTENING = 4.0  # growth of dV/dP (or dV/dS of a stroke) over its least at which `auto` leaves it for the volume
 PAST_LIMIT = 0.1  # how far `auto` goes on past a limit point, in volumes added up to it
-ASTRAY = (
-    0.5  # part of a bifurcation's mode in what a guess was wrong by, over the step's size, that shows another branch
-)
+LARGEST_MODE_SHARE = 0.5
+"""Share of a bifurcation's mode in a guess's error, over the step's size, above which the state lies on another branch."""
 SHORTEST = 1e-3  # of the first step: a path that needs shorter ones has met something that steps do not mend
-FARTHEST = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
+LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
 
 
 @dataclasses.dataclass
-class Path:
+class Continuation:
     """The state of a trace: its last two points, and the step in use.
 
     Args:
@@ -45,7 +44,7 @@ class Path:
             syringe, a volume), dimensionless.
         largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
         supply: The syringe's gas law, where strokes are requested.
-        farthest: Cavity volumes at which a path to a pressure is given up.
+        largest_growth: Cavity volumes at which a path to a pressure is given up.
         start: Where the path begins; the undeformed state if None.
     """
 
@@ -54,7 +53,7 @@ class Path:
     quantity: str = "pressure"
     largest_step: float = math.inf
     supply: Stroke | None = None
-    farthest: float = FARTHEST
+    largest_growth: float = LARGEST_GROWTH
     start: State | None = None
 
     def __post_init__(self) -> None:
@@ -74,7 +73,7 @@ class Path:
         """The path's first point; sets the scales of the plane in which arc lengths are measured."""
         eq = self.equilibrium
         rest = eq.rest()
-        self.V_scale = float(np.abs(eq.drive.along) @ eq.volumes())
+        self.V_scale = float(np.abs(eq.coupling.shares) @ eq.volumes())
         start = rest if self.start is None else self.start
         eq.factorise(start)
         self.V0 = start.V
@@ -174,7 +173,7 @@ class Path:
                 line, w, P, since=around[-1].state.w
             )  # a stiff sheet may have been in the way
         for mode in self.modes:
-            if abs(mode.share(state.w - w)) > ASTRAY * mode.size(w - around[-1].state.w):
+            if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):
                 raise NoConvergence("it jumped to another branch")
         return state
 
@@ -182,7 +181,7 @@ class Path:
         eq = self.equilibrium
         stale = eq.stale
         # At a limit point K is singular: no preconditioner to go on with, and a signature of rounding errors.
-        stale = (stale or self.stability.wants(state)) and not (limit and eq.system.factorisations)
+        stale = (stale or self.stability.wants(state)) and not (limit and eq.bordered.factorisations)
         if stale:
             eq.factorise(state)
         tangent, before = self.tangent(state), self.last.tangent
@@ -190,16 +189,16 @@ class Path:
             # Which way the pressure goes there is a matter of rounding; like the signature, it is that of the state before.
             tangent = dataclasses.replace(tangent, P=math.copysign(tangent.P, before.P))
         turned = before.P * tangent.P < 0 or before.V * tangent.V < 0
-        if (turned or self.last.signature.excess) and not stale and not limit:
+        if (turned or self.last.signature.negative_eigenvalues) and not stale and not limit:
             stale = True
             eq.factorise(state)
         step = self.last.step if step is None else step
         stiffest = min(self.last.stiffest, abs(tangent.compliance))
-        excess = self.last.signature.excess
+        negative = self.last.signature.negative_eigenvalues
         if limit:
-            signature = Signature(excess, self.stability.critical_lowest(state, excess))
+            signature = Signature(negative, self.stability.critical_lowest(state, negative))
         else:
-            signature = self.stability.signature(stale, excess)
+            signature = self.stability.signature(stale, negative)
         return Point(state, tangent, requested, limit, step, self.line, stale, eq.age, stiffest, signature)
 
     def advance(self, step: float, goal: float) -> Point:
@@ -386,7 +385,7 @@ class Path:
         return best.state
 
 
-def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
+def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
     """Follow a device through the requested values, in rising order, and yield every point on the way.
 
     Args:
@@ -452,19 +451,19 @@ def trace(path: Path, goals: Sequence[float], start: Sequence[Point] = ()) -> It
         left = left[1:] if after.requested else left
 
 
-def _ended(why: str, path: Path, met: Point | None, turned: Point | None) -> PathEnd:
+def _ended(why: str, path: Continuation, met: Point | None, turned: Point | None) -> PathEnd:
     """The end of a path, with the limit point that the requested quantity has met."""
     if path.quantity == "stroke":
         return PathEnd(why, turned)
     return PathEnd(why, met if path.quantity == "pressure" else None)
 
 
-def _check_end(path: Path, met: Point | None, turned: Point | None) -> None:
+def _check_end(path: Continuation, met: Point | None, turned: Point | None) -> None:
     """End a path that has gone far enough past its limit point, or too far altogether."""
     added = path.last.state.V - path.V0
     if met is not None and path.ends and added > (1 + PAST_LIMIT) * (met.state.V - path.V0):
         raise PathEnd("the pressure has a limit point", met)
-    if path.quantity != "volume" and added > path.farthest * path.V_scale:
+    if path.quantity != "volume" and added > path.largest_growth * path.V_scale:
         raise _ended(
-            f"the cavity has grown {path.farthest:g} times and the requested value was not met", path, met, turned
+            f"the cavity has grown {path.largest_growth:g} times and the requested value was not met", path, met, turned
         )

@@ -1,6 +1,6 @@
 """Where a path loses or regains stability: every change of the tangent's signature between two points, located.
 
-Two things change the number of falling directions along a path. At a limit point the pressure turns and K's singular mode
+Two things change the number of negative eigenvalues along a path. At a limit point the pressure turns and K's singular mode
 is the path's own direction. At a bifurcation K is singular in a mode that leaves the volume as it is (q . mode = 0), the
 path goes straight on, and another branch crosses it. A turn of the volume leaves K regular.
 """
@@ -18,7 +18,7 @@ from softmodels.mechanics.solver import NoConvergence
 from softmodels.path.stability import Signature
 
 if TYPE_CHECKING:
-    from softmodels.path.continuation import Path
+    from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
 
 Known = tuple[float, "Point"]
@@ -39,8 +39,8 @@ SAMPLES = 4
 
 
 def unexplained(before: Point, after: Point) -> int:
-    """Falling directions gained between two points beyond what turns of the pressure account for."""
-    gained = after.signature.excess - before.signature.excess
+    """Negative eigenvalues gained between two points beyond what turns of the pressure account for."""
+    gained = after.signature.negative_eigenvalues - before.signature.negative_eigenvalues
     turned_P, turned_V = before.tangent.P * after.tangent.P < 0, before.tangent.V * after.tangent.V < 0
     if turned_P and turned_V:
         return 0 if abs(gained) == 1 else gained
@@ -49,7 +49,7 @@ def unexplained(before: Point, after: Point) -> int:
     return gained
 
 
-def events(path: Path, before: Point, after: Point, depth: int = 0) -> list[Point]:
+def events(path: Continuation, before: Point, after: Point, depth: int = 0) -> list[Point]:
     """Limit points and bifurcations between two neighbouring points of a path, in order."""
     turned = before.tangent.P * after.tangent.P < 0
     gained = unexplained(before, after)
@@ -67,7 +67,7 @@ def events(path: Path, before: Point, after: Point, depth: int = 0) -> list[Poin
         return []
 
 
-def bifurcation(path: Path, before: Point, after: Point) -> Point:
+def bifurcation(path: Continuation, before: Point, after: Point) -> Point:
     """The bifurcation between two points: the root of the eigenvalue that changes its sign there.
 
     Raises:
@@ -75,8 +75,8 @@ def bifurcation(path: Path, before: Point, after: Point) -> Point:
     """
     stability = path.stability
     # The negative eigenvalue nearest to zero is the one that has just changed its sign, or is about to.
-    fewer, more = sorted((before, after), key=lambda point: point.signature.excess)
-    _, mode = stability.critical(more.state, fewer.signature.excess)
+    fewer, more = sorted((before, after), key=lambda point: point.signature.negative_eigenvalues)
+    _, mode = stability.critical(more.state, fewer.signature.negative_eigenvalues)
     f_low, f_high = (stability.like(point.state, mode)[0] for point in (before, after))
     if f_low * f_high > 0:
         raise NoConvergence("the eigenvalue that changes its sign was not found")
@@ -97,9 +97,11 @@ def bifurcation(path: Path, before: Point, after: Point) -> Point:
     root = _root(known, scale)
     point = path.in_between(low[1], high[1], (root - low[1].state.V) / (high[1].state.V - low[1].state.V))
     _, mode = stability.like(point.state, mode)
-    lowest = stability.critical_lowest(point.state, min(before.signature.excess, after.signature.excess))
+    lowest = stability.critical_lowest(
+        point.state, min(before.signature.negative_eigenvalues, after.signature.negative_eigenvalues)
+    )
     path.equilibrium.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
-    signature = Signature(before.signature.excess, lowest)
+    signature = Signature(before.signature.negative_eigenvalues, lowest)
     return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
 
 

@@ -28,7 +28,7 @@ class Point:
         factorised: Whether the factorisation that the path goes on with is that of this state (a restart has to do the same).
         age: How far that factorisation has aged here, in iterations of the linear solver.
         stiffest: Least |dV/dP| on the path so far.
-        signature: Number of falling directions and lowest eigenvalue.
+        signature: Number of negative eigenvalues and the lowest eigenvalue.
         mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1 or -1; else None.
         jump: Whether the device has jumped here: from the state before, or from the last turn of a syringe's stroke.
         turn: Whether this is a limit point of a syringe's stroke.
@@ -58,7 +58,7 @@ class Point:
 
     @property
     def stable_under_pressure(self) -> bool:
-        return self.signature.excess == 0
+        return self.signature.negative_eigenvalues == 0
 
     @property
     def stable_under_volume(self) -> bool:
@@ -68,14 +68,15 @@ class Point:
     def stable_under(self, control: Control) -> bool:
         """Whether the state is stable where pressure and volume can only move along a control's line a V + b P = d.
 
-        What drives the air then gives way by dP = -k dV, k = a/b, and adds k q q^T to K. That takes one of the falling
-        directions away where 1 + k q.K^-1 q = 1 + k dV/dP is negative, and else changes nothing (Sylvester's law again).
+        What drives the air then gives way by dP = -k dV, k = a/b, and adds k q q^T to K. That takes one of the negative
+        eigenvalues away where 1 + k q.K^-1 q = 1 + k dV/dP is negative, and else changes nothing (Sylvester's law again).
 
         Args:
             control: The line, neither a nor b negative; of a gas law its tangent at this state.
         """
         t = self.tangent
-        return self.signature.excess == int((control.volume * t.V + control.pressure * t.P) * t.P < 0)
+        rate = control.volume_coefficient * t.V + control.pressure_coefficient * t.P
+        return self.signature.negative_eigenvalues == int(rate * t.P < 0)
 
 
 class PathEnd(Exception):

@@ -13,10 +13,10 @@ import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 
-from softmodels.path.continuation import Path, trace
+from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd, Point
 
-FARTHEST = 500.0
+LARGEST_GROWTH_OF_CYCLE = 500.0
 """Cavity volumes up to which a second stable part is looked for: a balloon of eight times its radius."""
 
 
@@ -35,7 +35,7 @@ class Part:
         return self.points[-1].state.P
 
 
-def cycle(path: Path, goals: Sequence[float]) -> Iterator[Point]:
+def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
     """Raise the pressure through the goals and lower it through them again.
 
     Args:
@@ -48,7 +48,7 @@ def cycle(path: Path, goals: Sequence[float]) -> Iterator[Point]:
     Raises:
         PathEnd: There is no stable state at the highest pressure. What can be reached has been yielded.
     """
-    path.control, path.line, path.farthest = "arc-length", "arc-length", FARTHEST
+    path.control, path.line, path.largest_growth = "arc-length", "arc-length", LARGEST_GROWTH_OF_CYCLE
     points: list[Point] = []
     lost = None
     try:
@@ -87,7 +87,7 @@ def _stable_parts(points: Sequence[Point]) -> list[Part]:
     return [Part(tuple(part)) for part in parts]
 
 
-def _along(path: Path, parts: list[Part], here: int, goals: Sequence[float], way: int):  # type: ignore[no-untyped-def]
+def _along(path: Continuation, parts: list[Part], here: int, goals: Sequence[float], way: int):  # type: ignore[no-untyped-def]
     """Points from the part ``here`` through the goals, up (1) or down (-1); returns the last part, or None if stuck."""
     at = parts[here].points[0].state.P if way > 0 else math.inf
     left = list(goals)
@@ -121,7 +121,7 @@ def _along(path: Path, parts: list[Part], here: int, goals: Sequence[float], way
         landed = dataclasses.replace(_state(path, parts[here], end), requested=False, jump=True)
 
 
-def _state(path: Path, part: Part, P: float) -> Point:
+def _state(path: Continuation, part: Part, P: float) -> Point:
     """The state of a stable part at a pressure."""
     for before, after in zip(part.points, part.points[1:], strict=False):
         if before.state.P <= P <= after.state.P:

@@ -17,7 +17,7 @@ from measurement.units import UnitError, brief
 from measurement.units import numbers as as_numbers
 
 if TYPE_CHECKING:
-    from softmodels.mechanics.coupling import Drive
+    from softmodels.mechanics.coupling import Coupling
     from softmodels.mechanics.solver import Equilibrium
     from softmodels.mechanics.system import State
     from softmodels.path.points import Point
@@ -168,10 +168,10 @@ def follow(
     """Take a device through a program.
 
     Args:
-        equilibrium: The device, at rest; its drive is changed.
+        equilibrium: The device, at rest; the coupling of its cavities is changed.
         program: One series for each of its cavities.
         pascal_per_cm: Pa in one cm of the column.
-        control: What each step follows, as in `Path`.
+        control: What each step follows, as in `Continuation`.
         report: Takes sentences on what is going on.
         begin: The end of a step to go on from; the undeformed state if None.
 
@@ -181,7 +181,7 @@ def follow(
     Raises:
         PathEnd: A step's values are not on the path that leads there.
     """
-    from softmodels.path.continuation import Path, trace
+    from softmodels.path.continuation import Continuation, trace
 
     eq = equilibrium
     state, rest = eq.rest(), eq.volumes()
@@ -195,9 +195,9 @@ def follow(
         if number <= here.number:
             before = row
             continue
-        drive, quantity, goal = _step(here.pressures, row - before, held, rest + before)
-        start = eq.take_over(drive, here.state, here.pressures)
-        path = Path(eq, control, quantity, goal / POINTS_PER_STEP, start=start)
+        coupling, quantity, goal = _step(here.pressures, row - before, held, rest + before)
+        start = eq.couple(coupling, here.state, here.pressures)
+        path = Continuation(eq, control, quantity, goal / POINTS_PER_STEP, start=start)
         path.report = report
         for place, point in enumerate(trace(path, [goal])):
             if place:
@@ -212,10 +212,10 @@ def follow(
 def _step(
     pressures: npt.NDArray[np.float64], change: npt.NDArray[np.float64], held: Sequence[int],
     volumes: npt.NDArray[np.float64],
-) -> tuple[Drive, str, float]:  # fmt: skip
-    """The drive of one step, what it is followed by, and how far."""
-    from softmodels.mechanics.coupling import Drive
+) -> tuple[Coupling, str, float]:  # fmt: skip
+    """The coupling of one step, what it is followed by, and how far."""
+    from softmodels.mechanics.coupling import Coupling
 
     quantity = "volume" if any(change[cavity] for cavity in held) else "pressure"
-    make = Drive.by_volume if quantity == "volume" else Drive.by_pressure
+    make = Coupling.by_volume if quantity == "volume" else Coupling.by_pressure
     return make(pressures, change, held, volumes), quantity, float(np.abs(change).max())

@@ -5,9 +5,9 @@ volume where it is so on those that keep the volume. Both follow from the inerti
 
 * Mixed form: each of the n_p unknowns of p adds one negative pivot to a stable K, since eliminating them from the bottom
   leaves the displacements' own stiffness (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5). What is beyond n_p is the
-  *excess*: the number of directions in which the energy falls.
+  the number of K's negative eigenvalues: the directions in which the energy falls.
 * Holding the volume takes one of them away where the compliance dV/dP = q.K^-1 q is negative.
-* Volumes that are held whatever the path follows are taken into account in both (`Bordered.negatives`).
+* Volumes that are held whatever the path follows are taken into account in both (`Bordered.negative_eigenvalues`).
 
 Eigenvalues are of K x = lambda M x with the displacement's mass matrix M (of unit density): they do not depend on the mesh's
 cells, and lambda / density is the square of a natural frequency. M has no entries for p, which is then slaved to u.
@@ -50,14 +50,14 @@ class Signature:
     """How a state stands.
 
     Attributes:
-        excess: Directions in which the energy at a given pressure falls; 0 if stable.
+        negative_eigenvalues: Of the tangent at a given pressure: directions in which the energy falls; 0 if stable.
         lowest: Lowest eigenvalue, dimensionless (shear moduli over squared sizes), to 1e-9 of itself, or to 1e-3 where it is
             not exact; nan if it was not found.
-        exact: Whether K was factorised here. Else the excess is the last factorised point's, and the eigenvalue has kept
+        exact: Whether K was factorised here. Else their number is the last factorised point's, and the eigenvalue has kept
             away from zero since.
     """
 
-    excess: int = 0
+    negative_eigenvalues: int = 0
     lowest: float = 0.0
     exact: bool = True
 
@@ -130,16 +130,18 @@ class Stability:
             return True
         return self._guess < NEAR * self.reference
 
-    def signature(self, exact: bool, excess: int = 0) -> Signature:
-        """Signature of the state that `wants` was asked of: of K as factorised there, or else with the excess known before."""
+    def signature(self, exact: bool, known: int = 0) -> Signature:
+        """Signature of the state that `wants` was asked of: of K as factorised there, or else with the number known before."""
         if not exact:
-            return Signature(excess, self._guess, exact=False)
-        return Signature(self.excess(), self.lowest())
+            return Signature(known, self._guess, exact=False)
+        return Signature(self.negative_eigenvalues(), self.lowest())
 
     def lowest(self) -> float:
         """Lowest eigenvalue of K as it is factorised; nan if it was not found to within its tolerance."""
         try:
-            value, self.modes = lowest(self.equilibrium.system.solve, self.M, self.seed, self.excess(), BLOCK)
+            value, self.modes = lowest(
+                self.equilibrium.bordered.solve, self.M, self.seed, self.negative_eigenvalues(), BLOCK
+            )
         except NoConvergence:
             self.modes = []
             return math.nan
@@ -147,12 +149,12 @@ class Stability:
         self.largest = max(self.largest, self.reference)
         return value
 
-    def critical_lowest(self, state: State, excess: int) -> float:
-        """Lowest eigenvalue where K is singular in one mode more than ``excess`` negative ones; K may be factorised there.
+    def critical_lowest(self, state: State, negative: int) -> float:
+        """Lowest eigenvalue where K is singular in one mode more than ``negative`` ones; K may be factorised there.
 
         Zero where none is negative; else that of K with its singular mode, which leaves the others as they are.
         """
-        if not excess:
+        if not negative:
             return 0.0
         self.equilibrium.factorise(state)
         reference, largest = self.reference, self.largest
@@ -160,9 +162,9 @@ class Stability:
         self.reference, self.largest = reference, largest
         return 0.0 if abs(value) < SINGULAR * largest else value
 
-    def excess(self) -> int:
+    def negative_eigenvalues(self) -> int:
         """Negative eigenvalues of the factorised K beyond those of a stable one."""
-        return self.equilibrium.system.negatives() - self.constraints
+        return self.equilibrium.bordered.negative_eigenvalues() - self.constraints
 
     def _corrected(self, state: State) -> float:
         """Lowest eigenvalue of a state without a factorisation of its own, from the modes of the last one that has.
@@ -196,7 +198,7 @@ class Stability:
             residual, correction = M.createVecLeft(), M.createVecRight()
             residual.maxpy(shares, products)
             residual.maxpy([-value * share for share in shares], images)
-            eq.system.solve(residual, correction)
+            eq.bordered.solve(residual, correction)
             M.mult(correction, residual)
             size = max(correction.dot(residual), 0.0) ** 0.5
             if size <= CLOSE:
@@ -261,12 +263,12 @@ class Stability:
         # By its largest entry alone, an antisymmetric mode would turn round with the rounding of the day.
         largest = max(vector.max()[1], -vector.min()[1])
         scaled = function.x.array / math.copysign(largest, vector.dot(self.sense))
-        return np.concatenate([scaled, np.zeros(len(self.equilibrium.drive.held))])
+        return np.concatenate([scaled, np.zeros(len(self.equilibrium.coupling.constraints))])
 
     def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
         """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the state."""
         pairs = self.eigenpairs(state)
-        negative = self.excess()
+        negative = self.negative_eigenvalues()
         rank = negative - sum(value < 0 for value, _ in pairs)  # negative ones farther from zero than those found
         chosen = min(max(index - rank, 0), len(pairs) - 1)
         return pairs[chosen]
@@ -335,7 +337,7 @@ class _Inverse:
     """PETSc's context of K^-1 M with the kept factorisation."""
 
     def __init__(self, equilibrium: Equilibrium, M: Any):
-        self.solve, self.M, self.image = equilibrium.system.solve, M, M.createVecLeft()
+        self.solve, self.M, self.image = equilibrium.bordered.solve, M, M.createVecLeft()
 
     @classmethod
     def matrix(cls, equilibrium: Equilibrium, M: Any) -> Any:

@@ -66,7 +66,7 @@ def row_of(case: Case, fields: Any, point: Any, figures: Any, nodal: Any, number
         "bifurcation": int(point.bifurcation),
         "stable_under_pressure": int(point.stable_under_pressure),
         "stable_under_volume": int(point.stable_under_volume),
-        "falling_directions": point.signature.excess,
+        "negative_eigenvalues": point.signature.negative_eigenvalues,
         "lowest_eigenvalue_Pa_per_mm2": _eigenvalue(fields.equilibrium, point.signature.lowest),
         "following": point.line,
     }

@@ -266,7 +266,7 @@ class Fields:
             return {}
         if self._push is None:
             self._push = eq.face_load(actuator.pushed, actuator.lift)
-        compliance = eq.compliance(state, self._push)  # of a unit load on each slice
+        compliance = eq.dead_load_compliance(state, self._push)  # of a unit load on each slice
         unit = eq.stress_unit * eq.length_unit * actuator.copies
         return {f"{actuator.pushed}_stiffness_N_per_m": unit / compliance}
 

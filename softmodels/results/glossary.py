@@ -73,7 +73,7 @@ TEXTS = {
     "bifurcation": ("bifurcation", "1 where another branch of equilibria leaves the path, for another shape"),
     "stable_under_pressure": ("stable under a pressure", "1 if the state stands while the pressure is kept"),
     "stable_under_volume": ("stable under a volume", "1 if the state stands while the amount of liquid in the cavity is kept"),
-    "falling_directions": (
+    "negative_eigenvalues": (
         "negative eigenvalues",
         "in how many independent directions the energy at this pressure falls: 0 is stable, each more is one way out",
     ),

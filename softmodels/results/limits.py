@@ -107,11 +107,10 @@ def find_limit(
 
 def _search(equations: Any, fields: Any) -> Limit:
     from softmodels.mechanics.solver import NoConvergence
-    from softmodels.path.continuation import Path as LoadPath
-    from softmodels.path.continuation import trace
+    from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
 
-    path = LoadPath(equations)
+    path = Continuation(equations)
     kind, why, last = "none", "", None
     try:
         for point in trace(path, [STIFFNESS_RANGE]):

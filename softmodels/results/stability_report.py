@@ -75,13 +75,13 @@ def unseen(actuator: Actuator) -> str:
 def unlocated(rows: Sequence[Row]) -> str:
     """That a bifurcation was passed and not located; empty if none was.
 
-    The number of falling directions changes at limit points and bifurcations alone, whose own rows still have the old one;
+    The number of negative eigenvalues changes at limit points and bifurcations alone, whose own rows still have the old one;
     a cycle comes to some of them from the other side.
     """
     cyclic = any(row.get("jump") for row in rows)
     for before, after in itertools.pairwise(rows):
         told = before.get("limit") or before.get("bifurcation") or (cyclic and after.get("limit"))
-        if before["falling_directions"] != after["falling_directions"] and not told:
+        if before["negative_eigenvalues"] != after["negative_eigenvalues"] and not told:
             return (
                 f"a bifurcation between {before['pressure_cm']:.4g} and {after['pressure_cm']:.4g} cm could not be located; "
                 "more requested values around it, or a finer mesh, may show it"
@@ -97,7 +97,7 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row
         actuator: The device.
         branch: Those of the branch that was followed, if one was.
     """
-    if not rows or "falling_directions" not in rows[-1]:
+    if not rows or "negative_eigenvalues" not in rows[-1]:
         return ""
     last, found = rows[-1], [row for row in rows if row.get("bifurcation")]
     if last["stable_under_pressure"]:
@@ -105,7 +105,7 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row
     elif last["stable_under_volume"]:
         text = "unstable under a pressure, stable under a given volume"
     else:
-        count = last["falling_directions"]
+        count = last["negative_eigenvalues"]
         text = f"unstable: the energy falls in {count} direction{'s' if count > 1 else ''}"
     text = f"the last state is {text}"
     lost = [rows[k] for k in jumped_over(rows)]

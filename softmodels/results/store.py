@@ -32,7 +32,7 @@ from softmodels.results.xdmf import xdmf
 if TYPE_CHECKING:
     import h5py
 
-FORMAT = 2
+FORMAT = 3
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
 KEPT = 8
 """Steps at the end of a gathered run that keep those fields: it is gone on with from there."""

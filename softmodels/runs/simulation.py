@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Equilibrium
-    from softmodels.path.continuation import Path as LoadPath
+    from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
     from softmodels.path.schedule import Stop
     from softmodels.results.fields import Fields
@@ -121,7 +121,7 @@ class Simulation:
     ):
         self.case, self.comm, self.stopped = case, comm, stopped
         self.listener: Listener = listener or Silent()
-        self._path: LoadPath | None = None
+        self._path: Continuation | None = None
         self._bifurcations: list[Point] = []
 
     def write_mesh(self, file: Path) -> None:
@@ -226,14 +226,14 @@ class Simulation:
         scale = eq.stress_unit if self.case.pressures_cm else eq.volume_unit
         return [goal / scale for goal in self.case.goals]
 
-    def _continuation(self, last: float) -> LoadPath:
-        from softmodels.path.continuation import Path as LoadPath
+    def _continuation(self, last: float) -> Continuation:
+        from softmodels.path.continuation import Continuation
 
         case, eq, supply = self.case, self.equilibrium, None
         if case.supply is not None:
             cavity = eq.rest().V * eq.volume_unit
             supply = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
-        path = LoadPath(eq, case.control, case.quantity, last / FEWEST_STEPS, supply)
+        path = Continuation(eq, case.control, case.quantity, last / FEWEST_STEPS, supply)
         path.report = lambda text: self.listener.say(f"  {text}")
         return path
 

@@ -20,8 +20,7 @@ from softmodels.case.material_table import DEFAULT
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.mechanics.solver import Equilibrium
-from softmodels.path.continuation import Path as LoadPath
-from softmodels.path.continuation import trace
+from softmodels.path.continuation import Continuation, trace
 
 ROUNDS = 5
 
@@ -44,14 +43,14 @@ def main() -> None:
             began = time.perf_counter()
             equilibrium = Equilibrium(body, DEFAULT)
             ready = time.perf_counter()
-            points = list(trace(LoadPath(equilibrium), goals))
+            points = list(trace(Continuation(equilibrium), goals))
             prepared.append(ready - began)
             followed.append(time.perf_counter() - ready)
         cells = body.mesh.topology.index_map(body.mesh.topology.dim).size_global
         if is_root(comm):
             print(
                 f"| {section} | {cells} | {statistics.median(prepared):.2f} | {statistics.median(followed):.2f} | "
-                f"{len(points) - 1} | {equilibrium.system.factorisations} |"
+                f"{len(points) - 1} | {equilibrium.bordered.factorisations} |"
             )
 
 

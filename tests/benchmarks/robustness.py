@@ -146,13 +146,12 @@ def equations_of(device: Actuator, material: Material, comm: Any) -> Any:
 def follow(equations: Any, goal: float, *settings: Any) -> tuple[list[Any], Exception | None]:
     """All points of a path to a goal, and what ended it before that."""
     from softmodels.mechanics.solver import NoConvergence
-    from softmodels.path.continuation import Path as LoadPath
-    from softmodels.path.continuation import trace
+    from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
 
     points: list[Any] = []
     try:
-        for point in trace(LoadPath(equations, *settings), [goal]):
+        for point in trace(Continuation(equations, *settings), [goal]):
             points.append(point)
     except (PathEnd, NoConvergence) as end:
         return points, end

@@ -26,8 +26,7 @@ from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import is_root, largest, on_root, start
 from softmodels.mechanics.solver import Equilibrium
-from softmodels.path.continuation import Path as LoadPath
-from softmodels.path.continuation import trace
+from softmodels.path.continuation import Continuation, trace
 from softmodels.results.fields import Fields
 
 PETSC_EVENTS = {"factorisation": ("MatCholFctrSym", "MatCholFctrNum"), "solves with the factors": ("MatSolve",)}
@@ -73,7 +72,7 @@ def main() -> None:
 
     began, told = time.perf_counter(), 0.0
     count = iterations = 0
-    for point in trace(LoadPath(equations), [177 * pascal_per_cm() / equations.stress_unit]):
+    for point in trace(Continuation(equations), [177 * pascal_per_cm() / equations.stress_unit]):
         count, iterations = count + 1, iterations + point.state.iterations
         at = time.perf_counter()
         figures = fields.figures(point.state)

@@ -42,8 +42,7 @@ from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.solver import Equilibrium
-from softmodels.path.continuation import Path as LoadPath
-from softmodels.path.continuation import trace
+from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd
 from softmodels.results.fields import Fields
 
@@ -169,7 +168,7 @@ def softmodels(path: Path, slab: SeminarActuator, law: Yeoh, pressures: list[flo
     equations = Equilibrium(Body.from_file(slab, path, start()), law, formulation)
     fields, found = Fields(equations), []
     try:
-        for point in trace(LoadPath(equations), [pressure / equations.stress_unit for pressure in pressures]):
+        for point in trace(Continuation(equations), [pressure / equations.stress_unit for pressure in pressures]):
             if point.requested:
                 figures = fields.figures(point.state)
                 found.append(State(figures.device["tip_x_mm"], figures.device["tip_z_mm"], 1e6 * figures.added_volume))

@@ -19,8 +19,7 @@ from softmodels.materials.laws import Material, NeoHookean, Yeoh
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.solver import Equilibrium
-from softmodels.path.continuation import Path as LoadPath
-from softmodels.path.continuation import trace
+from softmodels.path.continuation import Continuation, trace
 from softmodels.results.fields import Fields
 
 
@@ -41,7 +40,7 @@ def main() -> None:
 
     started = time.perf_counter()
     equilibrium = Equilibrium(body, law, args.form)
-    points = list(trace(LoadPath(equilibrium), [p / equilibrium.stress_unit for p in args.pascals]))
+    points = list(trace(Continuation(equilibrium), [p / equilibrium.stress_unit for p in args.pascals]))
     seconds = time.perf_counter() - started
 
     fields = Fields(equilibrium)
@@ -55,7 +54,7 @@ def main() -> None:
             "seconds": seconds,
             "steps": len(points) - 1,
             "iterations": sum(point.state.iterations for point in points),
-            "factorisations": equilibrium.system.factorisations,
+            "factorisations": equilibrium.bordered.factorisations,
             "results": [
                 {"pressure_cm": cm, "apex_mm": f.rises["apex"] * 1e3, "ceiling_mm": f.rises["ceiling"] * 1e3}
                 for cm, f in zip(args.pressures_cm, wanted, strict=True)

@@ -79,7 +79,7 @@ def test_a_slice_says_what_it_cannot_show(device, words):
 
 
 def test_a_bifurcation_that_was_passed_unlocated_is_told():
-    keys = ("pressure_cm", "limit", "stable_under_pressure", "stable_under_volume", "falling_directions")
+    keys = ("pressure_cm", "limit", "stable_under_pressure", "stable_under_volume", "negative_eigenvalues")
     table = ((30.0, 0, 1, 1, 0), (34.2, 1, 1, 1, 0), (34.0, 0, 0, 1, 1), (33.0, 0, 0, 0, 2))
     rows = [dict(zip(keys, values, strict=True)) for values in table]
     assert unlocated(rows[:3]) == "" and unlocated([*rows[:3], {**rows[2], "bifurcation": 1}, rows[3]]) == ""
@@ -87,7 +87,7 @@ def test_a_bifurcation_that_was_passed_unlocated_is_told():
 
 
 def test_a_syringe_that_cannot_hold_a_state_is_told():
-    row = {"falling_directions": 1, "stable_under_pressure": 0, "stable_under_volume": 1, "pressure_cm": 33.0,
+    row = {"negative_eigenvalues": 1, "stable_under_pressure": 0, "stable_under_volume": 1, "pressure_cm": 33.0,
            "stroke_ml": 12.0, "stable_under_supply": 0}  # fmt: skip
     text = stability_text([{**row, "stable_under_supply": 1, "stroke_ml": 11.0}, row], SeminarActuator(part="full"))
     assert "at 12 ml of stroke (33 cm)" in text and "jumps over 1 of the states" in text

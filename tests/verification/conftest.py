@@ -410,11 +410,11 @@ def solved(equilibrium):
 
     The points end where the path does; `PathEnd` is the third value then, else None.
     """
-    from softmodels.path.continuation import Path, trace
+    from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
 
     def solve(equations, goals, control="auto", quantity="pressure", **options):
-        path = Path(equations, control, quantity, **options)
+        path = Continuation(equations, control, quantity, **options)
         points, end = [], None
         try:
             points.extend(trace(path, goals))

@@ -34,8 +34,7 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
     from softmodels.materials.laws import NeoHookean, Yeoh
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Equilibrium
-    from softmodels.path.continuation import Path as LoadPath
-    from softmodels.path.continuation import trace
+    from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
     from softmodels.results.fields import Fields
 
@@ -43,7 +42,7 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
     for name, device, file in (("wedge", WEDGE, wedge), ("slab", SLAB, slab)):
         equations = Equilibrium(Body.from_file(device, file, comm), NeoHookean(30e3, 0.49))
         fields = Fields(equations)
-        for point in trace(LoadPath(equations), [0.1, 0.4]):
+        for point in trace(Continuation(equations), [0.1, 0.4]):
             if point.requested:
                 values = dataclasses.asdict(fields.figures(point.state))
                 values.update(values.pop("rises"), **values.pop("device"))
@@ -54,11 +53,11 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
     found["section past its limit, rates and outline"] = rates(equations, 6.0)
     points = []
     try:
-        for point in trace(LoadPath(equations), [1.0]):
+        for point in trace(Continuation(equations), [1.0]):
             points.append(point)
     except PathEnd as end:
         found["limit"] = [end.limit.state.P]
-    found["falling directions"] = [float(point.signature.excess) for point in points]
+    found["negative eigenvalues"] = [float(point.signature.negative_eigenvalues) for point in points]
     found["lowest eigenvalue"] = [points[0].signature.lowest, points[-1].signature.lowest]
     found.update(bifurcation(Equilibrium(Body.from_file(TWIN, twin, comm), Yeoh(10e3, 20.0, 3.0, 0.495))))
     found["pair, one volume held and then changed"] = program(comm, pair)
@@ -93,10 +92,9 @@ def bifurcation(equations) -> dict[str, list[float]]:
     import itertools
 
     from softmodels.path.branching import follow
-    from softmodels.path.continuation import Path as LoadPath
-    from softmodels.path.continuation import trace
+    from softmodels.path.continuation import Continuation, trace
 
-    path = LoadPath(equations, "auto", "volume", largest_step=2.0)
+    path = Continuation(equations, "auto", "volume", largest_step=2.0)
     first = next(point for point in trace(path, [12.0]) if point.bifurcation)
     branch = [point.state for point in itertools.islice(follow(path, first), 2)]
     return {
@@ -113,13 +111,12 @@ def rates(equations, added: float) -> list[float]:
     from softmodels.mechanics.controls import volume_control
     from softmodels.mechanics.morphing import Reshaping
     from softmodels.mechanics.sensitivity import Sensitivity
-    from softmodels.path.continuation import Path as LoadPath
-    from softmodels.path.continuation import trace
+    from softmodels.path.continuation import Continuation, trace
 
     moving = Reshaping(equations.body, ("membrane",))
     sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations)
     moving.move({"membrane": 1.02 * moving.nominal["membrane"]})
-    state = list(trace(LoadPath(equations, "auto", "volume"), [added]))[-1].state
+    state = list(trace(Continuation(equations, "auto", "volume"), [added]))[-1].state
     _, found = sensitivity.rates(state, volume_control(state.V), ("shear_modulus", "poisson", "membrane"))
     curve = silhouette.curve(state, {"membrane": 1.02 * moving.nominal["membrane"]})
     size = equations.length_unit

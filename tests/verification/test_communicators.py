@@ -11,7 +11,7 @@ from geometries import HollowDisk
 from softmodels.materials.laws import Yeoh
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.solver import Equilibrium
-from softmodels.path.continuation import Path, trace
+from softmodels.path.continuation import Continuation, trace
 from softmodels.results.fields import Fields
 
 DEVICES = 3
@@ -35,7 +35,7 @@ def _inflate(file, k):
     disk.write(file)
     equilibrium = Equilibrium(Body.from_file(disk, file, MPI.COMM_SELF), Yeoh(14e3, 60.0))
     fields = Fields(equilibrium)
-    return [fields.figures(point.state).pressure for point in trace(Path(equilibrium), [0.02])]
+    return [fields.figures(point.state).pressure for point in trace(Continuation(equilibrium), [0.02])]
 
 
 @pytest.mark.skipif("MPICH" not in MPI.Get_library_version(), reason="other MPI libraries have no such limit")

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from softmodels.materials.homogeneous import balloon_pressure
 from softmodels.materials.laws import NeoHookean, Yeoh
-from softmodels.path.continuation import Path
+from softmodels.path.continuation import Continuation
 from softmodels.path.points import PathEnd
 from softmodels.path.pressure_cycle import cycle
 
@@ -44,7 +44,7 @@ def theory():
 @pytest.fixture(scope="module")
 def ridden(balloon, theory):
     top = 1.2 * pressure(theory["up"][0]) / balloon.stress_unit
-    return list(cycle(Path(balloon), [0.5 * top, top])), top
+    return list(cycle(Continuation(balloon), [0.5 * top, top])), top
 
 
 def stretch(balloon, point):
@@ -90,7 +90,7 @@ def test_the_way_back_is_another(balloon, ridden):
 def test_a_balloon_with_no_second_stable_part_says_so(bodies, equilibrium):
     shape = bodies.Sphere(inner=RADIUS * (1 - THIN / 2), outer=RADIUS * (1 + THIN / 2), through=1, along=12)
     equations = equilibrium(shape, NeoHookean(100e3, 0.5))
-    path, points = Path(equations), []
+    path, points = Continuation(equations), []
     with pytest.raises(PathEnd) as end:
         points.extend(cycle(path, [1.0]))
     assert end.value.limit is not None and "no stable state" in str(end.value)

@@ -57,7 +57,7 @@ def test_past_two_limit_points(ballooned):
     """Measured: 1e-9."""
     equations, points = ballooned
     assert [point.limit for point in points].count(True) == 2
-    assert {point.signature.excess for point in points} == {0, 1}
+    assert {point.signature.negative_eigenvalues for point in points} == {0, 1}
     found, wanted = checked(equations, [point for point in points if not point.limit])
     assert found == pytest.approx(wanted, rel=1e-7, abs=1e-7)
     assert all(point.signature.lowest == 0.0 for point in points if point.limit)
@@ -122,7 +122,7 @@ def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
     monkeypatch.undo()
     for negatives in (1, 3):
         with pytest.raises(NoConvergence):
-            lowest(equations.system.solve, watched.M, watched.seed, negatives)
+            lowest(equations.bordered.solve, watched.M, watched.seed, negatives)
 
 
 def test_a_nan_has_the_next_point_factorised(ballooned, monkeypatch):

@@ -28,10 +28,10 @@ PRESSED = 0.5
 @pytest.fixture(scope="module")
 def pressed(body_of):
     """The disk's section under a plate: its equations, its path, and its figures at the end."""
-    from softmodels.path.continuation import Path, trace
+    from softmodels.path.continuation import Continuation, trace
 
     equations = Equilibrium(body_of(SECTION), RUBBER, obstacle=PLATE)
-    points = list(trace(Path(equations, largest_step=PRESSED / 25), [PRESSED]))
+    points = list(trace(Continuation(equations, largest_step=PRESSED / 25), [PRESSED]))
     return equations, points, Fields(equations).figures(points[-1].state)
 
 

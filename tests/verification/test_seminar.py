@@ -121,8 +121,8 @@ def test_stiffness_is_the_tangents(equilibrium, solved):
     vectors = equations.space.sub(0).sub(lift).collapse()[1]
     assert load[vectors].sum() == pytest.approx(1.0, rel=1e-9) and load.sum() == pytest.approx(1.0, rel=1e-9)
 
-    compliance = equations.compliance(state, load)
-    motion = equations.system.split(equations._x)[0].copy()
+    compliance = equations.dead_load_compliance(state, load)
+    motion = equations.bordered.split(equations._x)[0].copy()
     unit = equations.stress_unit * equations.length_unit * slab.copies
     assert told[-1] == pytest.approx(unit / compliance, rel=1e-9)
 
@@ -149,9 +149,9 @@ def test_held_tip_pushes(inflated, equilibrium):
     # A free tip carries nothing.
     slab = SeminarActuator(**COARSE)
     equations = equilibrium(slab, LAW)
-    from softmodels.path.continuation import Path, trace
+    from softmodels.path.continuation import Continuation, trace
 
-    *_, last = trace(Path(equations), [PRESSURES[-1] / equations.stress_unit])
+    *_, last = trace(Continuation(equations), [PRESSURES[-1] / equations.stress_unit])
     equations.load(last.state)
     unit = equations.stress_unit * equations.length_unit**2 * slab.copies
     lift = int(np.argmax(equations.body.skew @ np.asarray(slab.lift)))

@@ -11,7 +11,7 @@ from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Equilibrium
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import Path, trace
+from softmodels.path.continuation import Continuation, trace
 from softmodels.results.lost_path import advice
 
 COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
@@ -32,7 +32,7 @@ def paths(sheeted):
     found = {}
     for stiffness in STIFFNESSES:
         equations, reports = sheeted(stiffness), []
-        path = Path(equations)
+        path = Continuation(equations)
         path.report = reports.append
         points = list(trace(path, [PRESSURE / equations.stress_unit]))
         found[stiffness] = points[-1].state.V, reports

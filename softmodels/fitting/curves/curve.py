@@ -21,7 +21,7 @@ SYNONYMS = {
     "equibiaxial": "equibiaxial", "biaxial": "equibiaxial", "et": "equibiaxial", "bulge": "equibiaxial",
     "balloon": "balloon",
 }  # fmt: skip
-MODULI = (1e3, 5e6)
+INITIAL_MODULUS_RANGE = (1e3, 5e6)
 """Shear moduli in Pa of silicones and soft rubbers: a curve that starts outside has a mistaken unit."""
 LEAST_POINTS = 4
 TURN = 0.02
@@ -277,8 +277,9 @@ def _check_modulus(curve: TensileCurve) -> None:
     modulus = small_modulus(curve)
     if not modulus > 0.0:
         raise TensileError("the stress falls as the specimen is pulled; check its sign and the columns")
-    if not MODULI[0] <= modulus <= MODULI[1]:
+    low, high = INITIAL_MODULUS_RANGE
+    if not low <= modulus <= high:
         raise TensileError(
             f"the curve begins with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
-            f"{MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
+            f"{low / 1e3:g} to {high / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
         )

@@ -17,7 +17,7 @@ from softmodels.mechanics.morphing import Reshaping
 from softmodels.mechanics.sensitivity import Rate, Sensitivity
 from softmodels.mechanics.solver import Equilibrium, NoConvergence
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import Path, trace
+from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd
 from softmodels.results.quadratic_curve import QuadraticCurve
 
@@ -27,7 +27,7 @@ SAME = 1e-9
 """Requested values closer than this, relative to the largest, are one state."""
 AT_ONCE = 6
 """Newton iterations in which a state has to be found from a guess, or else the path is followed."""
-ASTRAY = 0.5
+LARGEST_CORRECTION = 0.5
 """How far from the guess such a state may lie, as a share of its change: further, it may be another branch."""
 
 
@@ -133,7 +133,7 @@ class Inflation:
     def _followed(self, goals: Sequence[float], quantity: str) -> list[State]:
         """The states on one path from rest. Under volume control it passes limit points; pressures mean its first branch."""
         try:
-            path = Path(self.equilibrium, "auto", quantity)
+            path = Continuation(self.equilibrium, "auto", quantity)
             return [point.state for point in trace(path, goals) if point.requested]
         except (PathEnd, NoConvergence) as end:
             raise CannotEvaluate(f"no equilibrium at an added {quantity} that was measured: {end}") from None
@@ -168,7 +168,7 @@ class Inflation:
                 return []
             jump = np.linalg.norm(found[-1].w - w) / max(float(np.linalg.norm(found[-1].w - state.w)), 1e-300)
             near = np.linalg.norm(found[-1].w - w) < 1e-3 * np.linalg.norm(w)
-            if found[-1].V <= 0.0 or found[-1].iterations > AT_ONCE or not (jump < ASTRAY or near):
+            if found[-1].V <= 0.0 or found[-1].iterations > AT_ONCE or not (jump < LARGEST_CORRECTION or near):
                 return []
         return found
 

@@ -16,7 +16,7 @@ from softmodels.fitting.outlines.data import OutlineFitError
 from softmodels.fitting.outlines.forward import Inflation
 from softmodels.fitting.problem import CannotEvaluate
 from softmodels.mechanics.solver import NoConvergence
-from softmodels.path.continuation import FARTHEST, Path, trace
+from softmodels.path.continuation import LARGEST_GROWTH, Continuation, trace
 from softmodels.path.points import PathEnd
 
 Array = npt.NDArray[np.float64]
@@ -75,13 +75,13 @@ def volumes_of(inflation: Inflation, values: dict[str, float], heights: Array) -
     eq = inflation.equilibrium
     lengths = inflation.take(values)
     rest = inflation.rest_volume
-    goals = rest * np.concatenate([np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * FARTHEST, 30)])
+    goals = rest * np.concatenate([np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * LARGEST_GROWTH, 30)])
     rises, volumes = [0.0], [0.0]
     highest = float(heights.max())
     inflation.paths += 1
     why = ""
     try:
-        for point in trace(Path(eq, "auto", "volume"), goals.tolist()):
+        for point in trace(Continuation(eq, "auto", "volume"), goals.tolist()):
             rise = float(inflation.curve(point.state, lengths).nodes[0, 0, 1])
             if rise > rises[-1]:
                 rises.append(rise)
