@@ -15,15 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Vector
-from softmodels.results.self_contact import Walls
-from softmodels.mechanics.system import State
-from softmodels.mechanics.solver import Equilibrium, Tangent
-from softmodels.results.followed import Followed, followed_points
 from softmodels.case.gauges import NONE, Gauges, followed_text
-from softmodels.results.grid import Grid, displacement_maps
 from softmodels.materials.laws import Material
-from softmodels.mechanics.mpi import largest, total
 from softmodels.materials.strain import HomogeneousStrain
+from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.solver import Equilibrium, Tangent
+from softmodels.mechanics.system import State
+from softmodels.results.followed import Followed, followed_points
+from softmodels.results.grid import Grid, displacement_maps
+from softmodels.results.self_contact import Walls
 from softmodels.results.volume_ratio import VolumeRatio, barycentric
 
 

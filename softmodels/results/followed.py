@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Vector
-from softmodels.mechanics.solver import Equilibrium
 from softmodels.case.gauges import GaugeError, Gauges
-from softmodels.results.grid import Grid
 from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.results.grid import Grid
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]

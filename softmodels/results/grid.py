@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.solver import Equilibrium
 from softmodels.mechanics.mpi import gathered
+from softmodels.mechanics.solver import Equilibrium
 
 CELL_NAMES = {2: "Triangle_6", 3: "Tetrahedron_10"}
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-from softmodels.results.limits import Limit
 from softmodels.materials.laws import Material
-from softmodels.materials.spread import ends, full_name, product_of, spread_sentence
 from softmodels.materials.silicones import PRODUCTS, SILICONES, named
+from softmodels.materials.spread import ends, full_name, product_of, spread_sentence
+from softmodels.results.limits import Limit
 
 
 def with_ends(materials: Mapping[str, Material]) -> tuple[dict[str, Material], dict[str, tuple[str, ...]]]:

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from measurement.units import UnitError, brief, number, quantity
 from softmodels.case.case import STIFFNESS_RANGE, CaseError
-from softmodels.mechanics.compiling import compiling
 from softmodels.materials.laws import Material
+from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.sheet import Sheet

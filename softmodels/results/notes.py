@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from softmodels.case.case import Case
 from softmodels.case.gauges import followed_text
-from softmodels.materials.stability import instabilities
-from softmodels.materials.spread import material_spread
 from softmodels.materials.silicones import SILICONES, named, stretch_at_break
+from softmodels.materials.spread import material_spread
+from softmodels.materials.stability import instabilities
 from softmodels.results.row import Row
 
 DEEPEST = 0.01

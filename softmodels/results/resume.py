@@ -12,11 +12,11 @@ import numpy as np
 
 from softmodels.case.case import Case
 from softmodels.case.identity import difference
-from softmodels.results.outcomes import BAD_INPUT, RunError
 from softmodels.mechanics.mpi import is_root, largest, on_root
 from softmodels.path.schedule import Stop, goes_on
-from softmodels.results.store import Results
 from softmodels.results.columns import cavity_columns
+from softmodels.results.outcomes import BAD_INPUT, RunError
+from softmodels.results.store import Results
 
 
 def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
@@ -115,7 +115,9 @@ def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     return [_stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def _stored_point(results: Results, fields: Any, comm: Any, step: int, restart: Mapping[str, Any], branching: bool) -> Any:
+def _stored_point(
+    results: Results, fields: Any, comm: Any, step: int, restart: Mapping[str, Any], branching: bool
+) -> Any:
     """The point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
     from softmodels.mechanics.solver import Tangent
     from softmodels.path.points import Point

@@ -16,7 +16,9 @@ def events(rows: Sequence[Row], gauge: str) -> list[dict[str, float | str]]:
     """
     kinds = ("limit", "bifurcation", "stroke_limit", "jump")
     keys = ("step", "pressure_cm", "pressure_Pa", "added_volume_ml", f"{gauge}_mm")
-    found: list[dict[str, float | str]] = [{"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)]
+    found: list[dict[str, float | str]] = [
+        {"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)
+    ]
     landed = [event for event in found if event["kind"] == "jump"]
     for event, (before, after) in zip(landed, jumps(rows), strict=True):
         event["way"] = _way(before, after)

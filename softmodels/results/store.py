@@ -207,9 +207,7 @@ class Results:
                 f"(softmodels draw {self.folder})"
             )
 
-    def add(
-        self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]
-    ) -> None:
+    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
         number = len(self.stored)
         self.steps.mkdir(exist_ok=True)

@@ -10,8 +10,8 @@ import numpy as np
 from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.results.row import Row
-from softmodels.results.store import Results, ResultsError
 from softmodels.results.skin import Skin, skin_of
+from softmodels.results.store import Results, ResultsError
 from softmodels.results.triangles import Array
 
 STILLS = 4

@@ -43,6 +43,4 @@ def shapes_of(fields: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
 
 def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
     """A step as a group of an HDF5 file has it; the file is named relative to the folder of results."""
-    return StoredStep(
-        file, path, Row(json.loads(group.attrs[ROW])), json.loads(group.attrs[RESTART]), shapes_of(group)
-    )
+    return StoredStep(file, path, Row(json.loads(group.attrs[ROW])), json.loads(group.attrs[RESTART]), shapes_of(group))
