@@ -1,3 +1,91 @@
-"""Simulation of pneumatic soft actuators on FEniCSx: from a case to a load path that ends in results, not in divergence."""
+"""Simulation of pneumatic soft actuators on FEniCSx: from a case to a load path that ends in results, not in divergence.
+
+    import softmodels as sm
+
+    disk = sm.HollowDisk(section="axisymmetric")
+    run = sm.inflate(disk, sm.Yeoh(14e3, 60.0), pressures="0:177 cm")
+    run.pressure, run.apex, run.limit
+
+Every name is loaded when it is first used. Numbers are in SI units, inwards and outwards; texts carry a unit. Nothing is
+printed, no signal handler is set, no process exits: errors are exceptions, with the sentence that the command line prints.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+_PLACES = {
+    "geometries": (
+        "HollowDisk",
+        "SeminarActuator",
+        "ImportedActuator",
+        "GeometryError",
+        "MeshFileError",
+        "MeshingError",
+    ),
+    "softmodels.materials.laws": ("NeoHookean", "MooneyRivlin", "Yeoh", "Ogden", "Gent", "Material", "MaterialError"),
+    "softmodels.materials.silicones": ("silicone",),
+    "softmodels.mechanics.contact": ("Obstacle", "ObstacleError"),
+    "softmodels.mechanics.mpi": ("StartError",),
+    "softmodels.mechanics.sheet": ("Sheet",),
+    "softmodels.path.syringe": ("Syringe", "SupplyError"),
+    "softmodels.case.case": ("Case", "CaseError"),
+    "softmodels.results.limits": ("Limit",),
+    "softmodels.results.outcomes": ("RunError",),
+    "softmodels.results.store": ("ResultsError",),
+    "softmodels.runs.run": ("Run",),
+    "softmodels.runs.states": ("SolvedState",),
+    "softmodels.runs.door": ("inflate", "run", "load", "limit"),
+}
+_MODULES = {name: module for module, names in _PLACES.items() for name in names}
+
+__all__ = ["__version__", *_MODULES]
+
+if TYPE_CHECKING:
+    from geometries import GeometryError as GeometryError
+    from geometries import HollowDisk as HollowDisk
+    from geometries import ImportedActuator as ImportedActuator
+    from geometries import MeshFileError as MeshFileError
+    from geometries import MeshingError as MeshingError
+    from geometries import SeminarActuator as SeminarActuator
+    from softmodels.case.case import Case as Case
+    from softmodels.case.case import CaseError as CaseError
+    from softmodels.materials.laws import Gent as Gent
+    from softmodels.materials.laws import Material as Material
+    from softmodels.materials.laws import MaterialError as MaterialError
+    from softmodels.materials.laws import MooneyRivlin as MooneyRivlin
+    from softmodels.materials.laws import NeoHookean as NeoHookean
+    from softmodels.materials.laws import Ogden as Ogden
+    from softmodels.materials.laws import Yeoh as Yeoh
+    from softmodels.materials.silicones import silicone as silicone
+    from softmodels.mechanics.contact import Obstacle as Obstacle
+    from softmodels.mechanics.contact import ObstacleError as ObstacleError
+    from softmodels.mechanics.mpi import StartError as StartError
+    from softmodels.mechanics.sheet import Sheet as Sheet
+    from softmodels.path.syringe import SupplyError as SupplyError
+    from softmodels.path.syringe import Syringe as Syringe
+    from softmodels.results.limits import Limit as Limit
+    from softmodels.results.outcomes import RunError as RunError
+    from softmodels.results.store import ResultsError as ResultsError
+    from softmodels.runs.door import inflate as inflate
+    from softmodels.runs.door import limit as limit
+    from softmodels.runs.door import load as load
+    from softmodels.runs.door import run as run
+    from softmodels.runs.run import Run as Run
+    from softmodels.runs.states import SolvedState as SolvedState
+
+
+def __getattr__(name: str) -> object:
+    """A public name, loaded when it is first used."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(_MODULES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULES})

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 
 from softmodels.materials.laws import Ogden, Yeoh
-from softmodels.materials.material import Material
+from softmodels.materials.material import Material, MaterialError
 
 PSI = 6894.757293168
 """Pa."""
@@ -215,3 +215,20 @@ def stretch_at_break(material: Material) -> float | None:
     name = named(material)
     elongation = SILICONES[name].elongation_at_break if name else None
     return None if elongation is None else 1.0 + elongation
+
+
+def silicone(name: str) -> Material:
+    """The material of a named silicone.
+
+    Args:
+        name: A product, such as ``"ecoflex-00-30"``, or one of its sources, such as ``"ecoflex-00-30/liao-2021"``.
+
+    Raises:
+        MaterialError: There is none of that name.
+    """
+    found = silicone_called(name)
+    if found is None:
+        raise MaterialError(
+            f"silicone {name!r} is unknown; known are {', '.join(PRODUCTS)}, and their sources (softmodels silicones)"
+        )
+    return found.material

@@ -1,0 +1,259 @@
+"""A run as a value: its states as arrays in SI units, and where and why its path ends."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import io
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.case.case import Case, CaseError
+from softmodels.case.identity import digest
+from softmodels.mechanics.mpi import on_root
+from softmodels.results.limits import Limit
+from softmodels.results.notes import notes_of
+from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.runs.folder import begin
+from softmodels.runs.gathering import gather
+from softmodels.runs.requests import one_value
+from softmodels.runs.states import SolvedState, Source, state_of, write_states
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from mpi4py import MPI
+
+Array = npt.NDArray[np.float64]
+
+COLUMNS = {"pressure": ("pressure_Pa", 1.0), "volume": ("added_volume_ml", 1e-6), "stroke": ("stroke_ml", 1e-6),
+           "step": ("load_step", 1.0)}  # fmt: skip
+"""Where what can be requested stands in ``path.csv``, and the SI units in one of that column's."""
+SAME = 1e-6
+"""Values closer than this, relative, are one."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Ended:
+    """How a run ended: its exit status on a command line, and the sentence there; none if all was reached."""
+
+    status: int = DONE
+    message: str = ""
+
+
+class Run:
+    """A device that was inflated. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
+
+    Beside the properties below, the rise in m of each of the device's probes has its name: ``run.apex`` of a disk,
+    ``run.tip`` of a seminar slab, shape (states,).
+
+    Attributes:
+        case: What was run.
+        rows: Rows of ``path.csv``, one for each state, with that file's units.
+    """
+
+    def __init__(
+        self, source: Source, ended: Ended, comm: MPI.Comm | None = None, solve: Callable[[Case], Run] | None = None
+    ):
+        self.case, self.rows = source.case, source.rows
+        self._source, self._ended, self._comm, self._solve = source, ended, comm, solve
+        self._solved: dict[tuple[str, float], SolvedState] = {}
+
+    def __repr__(self) -> str:
+        last = self.rows[-1]
+        states = "1 state" if len(self) == 1 else f"{len(self)} states"
+        ended = "" if self.limit is None else f", ended at a {self.limit.kind}" if self.limit.found else ", lost"
+        return f"<Run of {self.case.name}: {states} to {last['pressure_Pa']:.5g} Pa{ended}>"
+
+    # -- the path as arrays -------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def path(self) -> dict[str, npt.NDArray[Any]]:
+        """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it."""
+        return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
+
+    @property
+    def pressure(self) -> Array:
+        """Pressure in Pa of each state; of a program the highest of the cavities'."""
+        return self._column("pressure_Pa", 1.0)
+
+    @property
+    def added_volume(self) -> Array:
+        """Volume in m3 that the cavity has taken in each state."""
+        return self._column("added_volume_ml", 1e-6)
+
+    @property
+    def rise(self) -> Array:
+        """Rise in m of the device's gauge, such as the disk's apex, in each state."""
+        return self._column(f"{self.case.actuator.gauge}_mm", 1e-3)
+
+    @property
+    def largest_stretch(self) -> Array:
+        """Largest principal stretch in each state."""
+        return self._column("max_stretch", 1.0)
+
+    def __getattr__(self, name: str) -> Array:
+        if not name.startswith("_") and name in self.case.actuator.probes:
+            return self._column(f"{name}_mm", 1e-3)
+        raise AttributeError(f"a run has no {name!r}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.case.actuator.probes]
+
+    def _column(self, name: str, unit: float) -> Array:
+        return np.array([float(row[name]) * unit for row in self.rows])
+
+    # -- how it ended -------------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def limit(self) -> Limit | None:
+        """Where and why the path ends before the last requested value; None if it reaches it.
+
+        Of kind ``"limit"`` (a limit point: no equilibrium beyond), ``"lost"`` or ``"stopped"``; ``why`` is the sentence of
+        the command line.
+        """
+        status = self._ended.status
+        if status == DONE:
+            return None
+        marks = [row for row in self.rows if row.get("stroke_limit")][-1:] if self.case.supply else []
+        marks = marks or [row for row in self.rows if row["limit"]]
+        row = marks[0] if status == NO_EQUILIBRIUM and marks else self.rows[-1]
+        kind = {NO_EQUILIBRIUM: "limit", STOPPED: "stopped"}.get(status, "lost")
+        return Limit(
+            kind, row["pressure_Pa"], row["added_volume_ml"] * 1e-6,
+            {name: row[f"{name}_mm"] * 1e-3 for name in self.case.actuator.probes}, row["max_stretch"],
+            (row["max_stretch_x_mm"] * 1e-3, row["max_stretch_y_mm"] * 1e-3, row["max_stretch_z_mm"] * 1e-3),
+            self._ended.message,
+        )  # fmt: skip
+
+    @property
+    def notes(self) -> list[str]:
+        """What one must know before trusting the numbers: sentences, none if all is well."""
+        return notes_of(self.case, self.rows)
+
+    # -- its states ---------------------------------------------------------------------------------------------------
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, step: int) -> SolvedState:
+        return state_of(self._source, range(len(self))[step])
+
+    def __iter__(self) -> Iterator[SolvedState]:
+        return (self[step] for step in range(len(self)))
+
+    @property
+    def last(self) -> SolvedState:
+        return self[-1]
+
+    def at(self, value: str | float) -> SolvedState:
+        """The state at a value; of several, as on a cycle, the first of the requested ones.
+
+        A value that was not requested, and lies on the path, is solved for (by all ranks, where there are several).
+
+        Args:
+            value: A pressure (``"70 cm"``, ``"7 kPa"``) or an added volume (``"40 ml"``, of a syringe its stroke); or a
+                number in SI units of what was requested.
+
+        Raises:
+            CaseError: No such value.
+            RunError: The path does not go there.
+        """
+        quantity, wanted = self._asked(value)
+        column, unit = COLUMNS[quantity]
+        there = self._column(column, unit)
+        near = np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max(initial=abs(wanted))).tolist()
+        if near:
+            asked = [k for k in near if self.rows[k]["requested"]]
+            return self[asked[0] if asked else near[0]]
+        if not there.min() < wanted < there.max() or quantity == "step" or self._solve is None:
+            raise RunError(self._not_there(value, quantity, there))
+        if (quantity, wanted) not in self._solved:
+            self._solved[quantity, wanted] = self._solve(_to_one(self.case, quantity, wanted)).last
+        return self._solved[quantity, wanted]
+
+    def _asked(self, value: str | float) -> tuple[str, float]:
+        """What is asked for, and the value in SI units."""
+        own = self.case.quantity
+        if not isinstance(value, str):
+            return own, float(value)
+        if own == "step":
+            raise CaseError("a program's states are asked for by the number of the step, such as run.at(2)")
+        quantity, wanted = one_value(value, self.case.cm)
+        return ("stroke" if quantity == "volume" and own == "stroke" else quantity), wanted
+
+    def _not_there(self, value: str | float, quantity: str, there: Array) -> str:
+        units = {"pressure": (self.case.cm, "cm"), "step": (1.0, "")}
+        scale, unit = units.get(quantity, (1e-6, "ml"))
+        low, high = (f"{end / scale:.4g} {unit}".strip() for end in (there.min(), there.max()))
+        why = f"; {self.limit.why}" if self.limit is not None else ""
+        return f"the run has no state at {value}: its {quantity}s go from {low} to {high}{why}"
+
+    # -- pictures and files -------------------------------------------------------------------------------------------
+
+    def plot(self) -> Figure:
+        """The rise of the device's gauge over the pressure, or over the steps of a program, as a matplotlib figure."""
+        import matplotlib
+
+        from softmodels.pictures import plots, program_plots
+        from softmodels.pictures.pages import STYLE
+
+        gauge = self.case.actuator.gauge
+        with matplotlib.rc_context(STYLE):
+            figure = (
+                program_plots.steps(self.rows, gauge)
+                if self.case.program
+                else plots.rise(self.rows, gauge, self.case.cm)
+            )
+
+        def png() -> bytes:
+            data = io.BytesIO()
+            with matplotlib.rc_context(STYLE):
+                figure.savefig(data, format="png")
+            return data.getvalue()
+
+        figure._repr_png_ = png  # type: ignore[attr-defined]  # what a notebook shows
+        return figure
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the folder that the command line writes: ``softmodels draw`` makes its pictures, `softmodels.load` reads it.
+
+        Args:
+            folder: Empty, not there, or an earlier run's, whose files are replaced.
+
+        Returns:
+            The folder.
+
+        Raises:
+            OwnFolderError, InUseError: The folder is somebody else's.
+            RunError: It cannot be written.
+        """
+        if self._comm is None:
+            self._save(Path(folder))
+        else:
+            on_root(self._comm, lambda: self._save(Path(folder)))
+        return Path(folder)
+
+    def _save(self, folder: Path) -> None:
+        results, _ = begin(self.case, folder, resume=False, draw=False)
+        try:
+            mesh = results.folder / f"{self.case.name}.msh"
+            mesh.write_bytes(self._source.mesh())
+            results.record(mesh=digest(mesh))
+            write_states(self._source, results)
+            gather(self.case, results, self._ended.status, self._ended.message, self.notes)
+            results.own.forget_unwritten()
+        finally:
+            results.own.leave()
+
+
+def _to_one(case: Case, quantity: str, wanted: float) -> Case:
+    """A case that ends at one value."""
+    field, scale = {"pressure": ("pressures_cm", 1 / case.cm), "volume": ("volumes_ml", 1e6),
+                    "stroke": ("strokes_ml", 1e6)}[quantity]  # fmt: skip
+    nothing: Mapping[str, Any] = {"pressures_cm": (), "volumes_ml": (), "strokes_ml": (), "cycle": False, "control": "auto",
+                                  "supply": case.supply if quantity == "stroke" else None}  # fmt: skip
+    return dataclasses.replace(case, **{**nothing, field: (wanted * scale,)})

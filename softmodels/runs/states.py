@@ -1,0 +1,206 @@
+"""The states of a run: kept in memory as they are solved, or read from a folder; and one of them as a user looks at it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.case.case import Case
+from softmodels.mechanics.mpi import on_root
+from softmodels.results.row import Row
+from softmodels.results.store import KEPT, RESTART, Results
+from softmodels.results.stored import States
+from softmodels.runs.simulation import Simulation, Step
+
+if TYPE_CHECKING:
+    from pyvista import UnstructuredGrid
+
+Array = npt.NDArray[np.float64]
+
+VTK_CELLS = {"Triangle_6": 22, "Tetrahedron_10": 24}
+"""VTK's number of each kind of cell."""
+PUBLIC = ("displacement", "p", "von_mises_stress", "largest_stretch", "J", "mode")
+"""Nodal fields of a state; the mode at a bifurcation alone."""
+
+
+class Source(Protocol):
+    """Where a run's states are.
+
+    Attributes:
+        case: What was run.
+        rows: Rows of ``path.csv``, one for each state.
+        points: Undeformed nodes in device coordinates, m, shape (n, 3).
+        cells: Node numbers in VTK's order, shape (c, 6 or 10).
+        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+    """
+
+    case: Case
+    rows: list[Row]
+    points: Array
+    cells: npt.NDArray[np.int64]
+    cell_name: str
+
+    def fields(self, step: int) -> Mapping[str, Array]:
+        """All nodal fields of a state, with what a restart needs where it is kept."""
+
+    def restart(self, step: int) -> Mapping[str, Any]:
+        """Numbers that a restart needs beside the fields."""
+
+    def mesh(self) -> bytes:
+        """The device's mesh as a Gmsh file."""
+
+
+class InMemory:
+    """States that are kept as they are solved, alike on all ranks; see `Source`.
+
+    Args:
+        simulation: Prepared, all ranks.
+        mesh: Its mesh's file.
+    """
+
+    def __init__(self, simulation: Simulation, mesh: Path):
+        self.case, self._comm = simulation.case, simulation.comm
+        grid = simulation.fields.grid
+        self.cell_name = grid.cell_name
+        self.points: Array
+        self.cells: npt.NDArray[np.int64]
+        self._mesh: bytes
+        # The grid is whole on rank 0 alone.
+        self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
+        self.rows: list[Row] = []
+        self._fields: list[dict[str, Array]] = []
+        self._restarts: list[Mapping[str, Any]] = []
+
+    def add(self, step: Step) -> None:
+        """Keep a state. What a restart needs to the last bit is kept of the last states alone, as in a folder."""
+        public = on_root(self._comm, lambda: _public(step.fields or {}))
+        fields = dict(step.fields or public)
+        self.rows.append(step.row)
+        self._fields.append(fields)
+        self._restarts.append(step.restart)
+        if len(self._fields) > KEPT:
+            self._fields[-KEPT - 1] = _public(self._fields[-KEPT - 1])
+
+    def fields(self, step: int) -> Mapping[str, Array]:
+        return self._fields[step]
+
+    def restart(self, step: int) -> Mapping[str, Any]:
+        return self._restarts[step]
+
+    def mesh(self) -> bytes:
+        return self._mesh
+
+
+class InFolder:
+    """States of a folder of results; see `Source`.
+
+    Args:
+        folder: Results with their ``case.toml``.
+
+    Raises:
+        ResultsError: No results, or none that can be read.
+        CaseError: No case file, or a wrong one.
+    """
+
+    def __init__(self, folder: Path):
+        states = States(folder, Case.from_file(folder / "case.toml").name)
+        self._folder, self._results = folder, states.results
+        self.case, self.rows = states.case, states.rows
+        self.points, self.cells, self.cell_name = states.points, states.cells, states.cell_name
+
+    def fields(self, step: int) -> Mapping[str, Array]:
+        from softmodels.results.fields import RAW
+
+        names = [*PUBLIC, *(name for pair in RAW for name in pair)]
+        there = tuple(name for name in names if self._results.has(step, [name]))
+        return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
+
+    def restart(self, step: int) -> Mapping[str, Any]:
+        return self._results.stored[step].restart
+
+    def mesh(self) -> bytes:
+        return (self._folder / f"{self.case.name}.msh").read_bytes()
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SolvedState:
+    """One state of a run, SI units.
+
+    Attributes:
+        row: Its row of ``path.csv``, with that file's units.
+        points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
+        cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
+        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises_stress``, ``largest_stretch``, ``J`` and, at a
+            bifurcation, its ``mode``.
+    """
+
+    row: Row
+    points: Array
+    cells: npt.NDArray[np.int64]
+    cell_name: str
+    fields: Mapping[str, Array]
+
+    @property
+    def pressure(self) -> float:
+        """Pa; of a program the highest."""
+        return float(self.row["pressure_Pa"])
+
+    @property
+    def added_volume(self) -> float:
+        """m3."""
+        return float(self.row["added_volume_ml"]) * 1e-6
+
+    @property
+    def displacement(self) -> Array:
+        """m, in device coordinates, shape (n, 3)."""
+        return self.fields["displacement"]
+
+    @property
+    def von_mises(self) -> Array:
+        """Von Mises stress in Pa, shape (n,)."""
+        return self.fields["von_mises_stress"]
+
+    @property
+    def largest_stretch(self) -> Array:
+        """Largest principal stretch, shape (n,)."""
+        return self.fields["largest_stretch"]
+
+    @property
+    def J(self) -> Array:
+        """Ratio of the silicone's volume to that at rest, shape (n,)."""
+        return self.fields["J"]
+
+    @functools.cached_property
+    def grid(self) -> UnstructuredGrid:
+        """The undeformed device as a `pyvista.UnstructuredGrid` with the fields; ``grid.warp_by_vector("displacement")``
+        moves it."""
+        import pyvista
+
+        grid = pyvista.UnstructuredGrid({VTK_CELLS[self.cell_name]: self.cells}, self.points)
+        for name, values in self.fields.items():
+            grid.point_data[name] = values
+        return grid
+
+
+def _public(fields: Mapping[str, Array]) -> dict[str, Array]:
+    """The fields that are not a restart's alone."""
+    return {name: values for name, values in fields.items() if not name.startswith(RESTART)}
+
+
+def state_of(source: Source, step: int) -> SolvedState:
+    """One of a source's states."""
+    return SolvedState(source.rows[step], source.points, source.cells, source.cell_name, _public(source.fields(step)))
+
+
+def write_states(source: Source, results: Results) -> None:
+    """Store all states of a source into a folder that is prepared for them."""
+    results.begin(source.points, source.cells, source.cell_name)
+    for step, row in enumerate(source.rows):
+        results.add(row, source.fields(step), source.restart(step))
