@@ -11,7 +11,7 @@ from softmodels.results.row import Row
 NEAR = 0.95
 """Share of the stretch where a law loses its stability, or its chains are taut, from which that is what ended the path."""
 HARDLY_STRETCHES = 50e3
-"""Stiffness of a sheet in N/m with which the seminar actuator still reaches 177 cm of water; see `mechanics.sheet`."""
+"""Stiffness of a sheet in N/m with which the seminar actuator still reaches 177 cm; see `softmodels.mechanics.sheet`."""
 FOLDED = 0.3
 """Volume ratio at a vertex below which cells have all but folded."""
 
