@@ -194,6 +194,9 @@ class Actuator(ABC):
         """
         return {}
 
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    """What the columns of `device_figures` are: short name, and a sentence without its stop."""
+
     @property
     def ratios(self) -> tuple[float, ...]:
         """Pressure in each cavity ("cavity", "cavity2", ...) over the cavity pressure; one cavity unless a device has more."""

@@ -134,6 +134,20 @@ class SeminarActuator(Actuator):
     def pushed(self) -> str | None:
         return "tip" if self.tip == "free" and self.tip_radius > 0.0 else None
 
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "tip_x_mm": ("tip place x", "x of the middle of the tip's edge, deformed, from the clamped base"),
+        "tip_z_mm": (
+            "tip place z",
+            "z of the middle of the tip's edge, deformed, from the middle of the thickness; the rise is of its upper edge",
+        ),
+        "lift_angle_deg": (
+            "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge",
+        ),
+        "curvature_per_m": (
+            "curvature", "of the circle that leaves the base along x and passes through the tip",
+        ),
+    }  # fmt: skip
+
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """How the slab is bent, from where its tip is; see `Actuator.device_figures`.
 

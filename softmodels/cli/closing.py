@@ -11,13 +11,13 @@ from geometries.apart import interpreter
 from measurement.own_folder import OwnFolderError
 from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.results.columns import cavity_columns
-from softmodels.results.glossary import split, term
+from softmodels.results.columns import cavity_columns, term
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results.row import Row
 from softmodels.results.stability_report import stability_text
 from softmodels.results.store import Results
+from softmodels.results.terms import split
 from softmodels.runs.gathering import branch_rows, gather
 
 

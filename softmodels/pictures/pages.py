@@ -18,6 +18,7 @@ from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 
 from softmodels.results.columns import cavity_columns
+from softmodels.results.output_fields import coloured
 from softmodels.results.row import Row
 
 Array = npt.NDArray[np.float64]
@@ -99,13 +100,15 @@ class Scale:
 
     Args:
         values: Nodal values of the states that are shown, SI units, shape (n,) or (states, n).
-        field: Name of the field, one of `SHOWN`.
+        field: Name of the field, one of `coloured`.
         where: Words for where the values were taken, such as "outside"; empty for everywhere.
         rows: Rows of ``path.csv`` of the states that are shown, for the largest value.
     """
 
     def __init__(self, values: Array, field: str = "von_mises_stress", where: str = "", rows: Sequence[Row] = ()):
-        self.what, self.unit, self.factor, self.low, column = SHOWN[field]
+        shown, colours = coloured()[field]
+        self.what, self.unit, self.factor, self.low = shown.title, colours.unit, colours.factor, colours.rest
+        column = shown.largest.column if shown.largest else ""
         self.field, self.where = field, where
         told = [float(row[column]) for row in rows if column in row]
         self.largest = max(told) if told else float(values.max()) * self.factor
@@ -113,7 +116,7 @@ class Scale:
         self.top = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
         if not self.top > self.low:
             self.top = max(self.largest, self.low + 1.0)
-        self.power = POWERS[field]
+        self.power = colours.power
         self.colours = matplotlib.colormaps[COLOURS]
 
     @property
@@ -155,14 +158,7 @@ class Scale:
         figure.text(0.5, 0.14 / whole, note, ha="center", fontsize=10.5, color=EDGE)
 
 
-POWERS = {"von_mises_stress": 0.5, "largest_stretch": 1.0}
-"""How colours follow a field: stress by its square root, or all but a few corners and the last state would be dark."""
 FOOT = 1.15
 """Inches below a picture for the bar of its colours and what is said of it."""
 CLIPPED = 99.5
 """Percentile of the nodal values at which the colours end."""
-SHOWN = {
-    "von_mises_stress": ("von Mises stress", "kPa", 1e-3, 0.0, "max_von_mises_kPa"),
-    "largest_stretch": ("largest stretch", "", 1.0, 1.0, "max_stretch"),
-}
-"""Fields that have colours: name in words, unit, factor from SI to it, value at rest, column of its largest value."""

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from geometries import Actuator
 from softmodels.pictures.pages import BRANCH, CURVE, DPI, EDGE, LINES, WARNING, WIDTH, Array, number
-from softmodels.results.glossary import term
+from softmodels.results.columns import term
 from softmodels.results.row import Row
 from softmodels.results.stability_report import jumped_over
 from softmodels.results.triangles import parabolas

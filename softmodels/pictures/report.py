@@ -22,8 +22,7 @@ from softmodels.pictures.pages import STYLE, load
 from softmodels.pictures.report_case import case_tables
 from softmodels.pictures.viewer import view
 from softmodels.pictures.views import Look
-from softmodels.results.columns import cavity_columns
-from softmodels.results.glossary import term
+from softmodels.results.columns import cavity_columns, term
 from softmodels.results.notes import left_out, notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM
 from softmodels.results.row import Cell, Row
@@ -164,24 +163,22 @@ def _requested(states: States) -> str:
 
 def _table(rows: Sequence[Row], every: Sequence[Row], states: States) -> str:
     """Rows of ``path.csv`` side by side: one line per column of the file. The exact value is each cell's title."""
-    probes = tuple(states.actuator.probes)
     lines = []
     for name in (name for name in every[0] if name != "requested"):
         cells = "".join(
             f'<td title="{html.escape(str(cells.get(name, "")))}">{_shown(cells.get(name))}</td>'
             for cells in (row.cells for row in rows)
         )
-        meaning = term(name, probes)
+        meaning = term(name, states.actuator)
         lines.append(f'<tr><th title="{html.escape(meaning.text)}">{html.escape(str(meaning))}</th>{cells}</tr>')
     return f'<div class="wide"><table class="path">{"".join(lines)}</table></div>'
 
 
 def _glossary(states: States) -> str:
     """What each column of the tables is."""
-    probes = tuple(states.actuator.probes)
     lines = []
     for name in states.rows[0]:
-        if (meaning := term(name, probes)).text:
+        if (meaning := term(name, states.actuator)).text:
             lines.append(
                 f"<dt>{html.escape(str(meaning))} <code>{html.escape(name)}</code></dt>"
                 f"<dd>{html.escape(meaning.text)}</dd>"

@@ -18,8 +18,9 @@ import matplotlib
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.pictures.pages import COLOURS, SHOWN, Scale, headline
+from softmodels.pictures.pages import COLOURS, Scale, headline
 from softmodels.pictures.views import Look
+from softmodels.results.output_fields import coloured
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
 
@@ -95,12 +96,12 @@ def packed(look: Look, steps: list[int]) -> tuple[dict[str, Any], bytes]:
     places = [skin.points(states.moved(step))[used] for step in steps]
     low = np.min([place.min(axis=0) for place in places], axis=0)
     span = float(max(np.max([place.max(axis=0) for place in places], axis=0) - low))
-    fields = [_field(look, name, steps) for name in SHOWN]
+    fields = [_field(look, name, steps) for name in coloured()]
     pieces = [_bytes((triangles & 0xFFFF).ravel()), _bytes((triangles >> 16).ravel())]
     before: list[Any] = [0] * (1 + len(fields))
     for step, place in zip(steps, places, strict=True):
         columns = [np.round((place - low) / span * FULL).ravel()]
-        for name, field in zip(SHOWN, fields, strict=True):
+        for name, field in zip(coloured(), fields, strict=True):
             share = field["share"](states.field(step, name)[skin.nodes[used]])
             columns.append(np.round(share * FULL))
         for k, column in enumerate(columns):

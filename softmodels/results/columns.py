@@ -1,83 +1,51 @@
-"""What a state of a path leaves behind: its row of ``path.csv``, and what a restart needs of it."""
+"""The columns of ``path.csv``, each listed once: its name with the unit, what it is in words, and how it is computed.
+
+A column of your own is one more entry, also from outside: ``COLUMNS.append(Column(...))``, or one that comes with an output
+field (`OutputField.extremes`) or with a figure that all ranks compute together (`Measure`).
+"""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
+from collections.abc import Iterator
 from typing import Any
 
+from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
+from softmodels.results.column import Column, Columns, Solved
+from softmodels.results.forces import MEASURES
+from softmodels.results.output_fields import FIELDS, Extreme, OutputField
 from softmodels.results.row import Cell, Row
+from softmodels.results.terms import Term, described, split
 
 
-def restart_of(point: Any) -> dict[str, Any]:
-    """What a `Point` needs to be made again, beside its fields."""
-    return {
-        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
-        "turn": point.turn, "step": point.step,
-        "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
-        "worn": point.worn, "largest": point.largest, "tangent": [point.tangent.P, point.tangent.V],
-        "iterations": point.state.iterations, "signature": dataclasses.asdict(point.signature),
-    }  # fmt: skip
-
-
-def row_of(case: Case, fields: Any, point: Any, figures: Any, nodal: Any, number: int, come: float) -> Row:
-    """The row of a `Point`, on rank 0.
-
-    Args:
-        case: What is run.
-        fields: The device's `Fields`.
-        point: The point.
-        figures: Its figures.
-        nodal: Its nodal fields.
-        number: How many rows come before.
-        come: How many steps a program has come.
-    """
-    # Of a program's pressures the highest stands for all.
-    pressure = max(figures.cavity_pressures) if case.program else figures.pressure
-    height = pressure / case.cm
-    if point.requested and case.pressures_cm:  # as it was typed, without the rounding of two conversions
-        height = min(case.pressures_cm, key=lambda asked: abs(asked - height))
-    limit = stretch_at_break(case.material)
-    cells: dict[str, Cell] = {
-        "step": number,
-        "pressure_cm": height,
-        "pressure_Pa": pressure,
-        "added_volume_ml": figures.added_volume * 1e6,
-        **_driven(case, fields, figures, point),
-        **_of_cavities(case, figures, come),
-        **{f"{name}_mm": rise * 1e3 for name, rise in figures.rises.items()},
-        **figures.device,
-        "max_displacement_mm": figures.max_displacement * 1e3,
-        "max_stretch": figures.max_stretch,
-        **({} if limit is None else {"break_margin": limit / figures.max_stretch}),
-        **{f"max_stretch_{axis}_mm": at * 1e3 for axis, at in zip("xyz", figures.max_stretch_at, strict=True)},
-        "max_von_mises_kPa": figures.max_von_mises / 1e3,
-        "J_min": figures.J_min,
-        "J_max": figures.J_max,
-        "newton_iterations": point.state.iterations,
-        "stored_energy_mJ": figures.stored_energy * 1e3,
-        "walls_touch": int(fields.walls.met(nodal["displacement"]) is not None),
-        "requested": int(point.requested),
-        "limit": int(point.limit),
-        "jump": int(point.jump),
-        "bifurcation": int(point.bifurcation),
-        "stable_under_pressure": int(point.stable_under_pressure),
-        "stable_under_volume": int(point.stable_under_volume),
-        "negative_eigenvalues": point.signature.negative_eigenvalues,
-        "lowest_eigenvalue_Pa_per_mm2": _eigenvalue(fields.equilibrium, point.signature.lowest),
-        "following": point.line,
-    }
+def row_of(solved: Solved) -> Row:
+    """The row of a state, on rank 0."""
+    cells: dict[str, Cell] = {}
+    for entry in every_column():
+        cells |= entry.cells(solved)
     return Row(cells)
 
 
-def _eigenvalue(equilibrium: Any, dimensionless: float) -> float | None:
-    """In Pa/mm2; nothing where it was not found to within its tolerance."""
-    if math.isnan(dimensionless):
-        return None
-    return float(dimensionless * equilibrium.stress_unit / (equilibrium.length_unit * 1e3) ** 2)
+def every_column() -> Iterator[Column | Columns]:
+    """All entries: `COLUMNS`, then those that output fields bring along."""
+    yield from COLUMNS
+    listed = {entry.name for entry in COLUMNS if isinstance(entry, Column)}
+    for field in FIELDS:
+        yield from (column for column in _extremes(field.name) if column.name not in listed)
+
+
+def term(column: str, device: Actuator | None = None) -> Term:
+    """What a column of ``path.csv`` is. One that nobody knows of here is still shown, under its own name.
+
+    Args:
+        column: Its name.
+        device: The device, for the columns that are its own.
+    """
+    found = (entry.term(column, device) for entry in (DEVICE, *every_column(), NAMED))
+    return next((one for one in found if one is not None), described(column, (split(column)[0].replace("_", " "), "")))
 
 
 def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
@@ -85,30 +53,189 @@ def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
     return [name for name in row if re.fullmatch(rf"{what}_\d+_{unit}", name)] or [f"{what}_{unit}"]
 
 
-def _driven(case: Case, fields: Any, figures: Any, point: Any) -> dict[str, float]:
-    """The syringe's columns of a row: its stroke, what the gas has taken up, and whether it holds the state."""
-    if case.supply is None:
+def _height(solved: Solved) -> float:
+    """Of the water column in cm."""
+    height = solved.pressure / solved.case.cm
+    if solved.point.requested and solved.case.pressures_cm:  # as it was typed, without the rounding of two conversions
+        height = min(solved.case.pressures_cm, key=lambda asked: abs(asked - height))
+    return height
+
+
+def _stroke(solved: Solved) -> float:
+    """Of the syringe in m3."""
+    V, P, curve = _on_supply(solved)
+    return float(curve.value(V, P) * solved.fields.equilibrium.volume_unit)
+
+
+def _on_supply(solved: Solved) -> tuple[float, float, Any]:
+    """Dimensionless volume and pressure of a state, and the supply's curves."""
+    eq, supply = solved.fields.equilibrium, solved.case.supply
+    assert supply is not None
+    cavity = solved.fields.rest_volume * eq.volume_unit
+    curve = supply.control(cavity, eq.stress_unit, eq.volume_unit)
+    return (cavity + solved.figures.added_volume) / eq.volume_unit, solved.figures.pressure / eq.stress_unit, curve
+
+
+def _gas_energy(solved: Solved) -> float:
+    supply, figures = solved.case.supply, solved.figures
+    assert supply is not None
+    cavity = solved.fields.rest_volume * solved.fields.equilibrium.volume_unit
+    return supply.gas_energy(_stroke(solved), figures.added_volume, figures.pressure, cavity) * 1e3
+
+
+def _held(solved: Solved) -> int:
+    V, P, curve = _on_supply(solved)
+    return int(solved.point.stable_under(curve.line(V, P)))
+
+
+def _cavity_cells(solved: Solved) -> dict[str, Cell]:
+    """Pressure and added volume of each cavity, where there are several."""
+    figures = solved.figures
+    if len(figures.cavity_volumes) < 2:
         return {}
-    eq = fields.equilibrium
-    cavity = fields.rest_volume * eq.volume_unit
-    curve = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
-    V, P = (cavity + figures.added_volume) / eq.volume_unit, figures.pressure / eq.stress_unit
-    stroke = curve.value(V, P) * eq.volume_unit
-    taken = {} if case.supply.leak else {
-        "gas_energy_mJ": case.supply.gas_energy(stroke, figures.added_volume, figures.pressure, cavity) * 1e3
-    }  # fmt: skip
-    held = point.stable_under(curve.line(V, P))
-    return {"stroke_ml": stroke * 1e6, **taken, "stroke_limit": int(point.turn), "stable_under_supply": int(held)}
+    pressures = {f"pressure_{i}_cm": value / solved.case.cm for i, value in enumerate(figures.cavity_pressures, 1)}
+    return {**pressures, **{f"added_volume_{i}_ml": value * 1e6 for i, value in enumerate(figures.cavity_volumes, 1)}}
 
 
-def _of_cavities(case: Case, figures: Any, come: float) -> dict[str, float]:
-    """The columns that tell of each cavity, where there are several."""
-    each = {
-        f"{what}_{i + 1}_{unit}": value * scale
-        for what, unit, values, scale in (
-            ("pressure", "cm", figures.cavity_pressures, 1 / case.cm),
-            ("added_volume", "ml", figures.cavity_volumes, 1e6),
+def _cavity_term(column: str, device: Actuator | None) -> Term | None:
+    found = re.fullmatch(r"(pressure|added_volume)_(\d+)_(cm|ml)", column)
+    if not found:
+        return None
+    words = found[1].replace("_", " ")
+    return described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} alone"))
+
+
+def _rise_term(column: str, device: Actuator | None) -> Term | None:
+    probe, unit = split(column)
+    if device is None or unit != "mm" or probe not in device.probes:
+        return None
+    return described(
+        column, (f"rise of the {probe.replace('_', ' ')}", "displacement of that point along the device's lift")
+    )
+
+
+def _device_term(column: str, device: Actuator | None) -> Term | None:
+    if device is not None and column in device.figure_texts:
+        return described(column, device.figure_texts[column])
+    for measure in MEASURES:
+        for pattern, (title, text) in measure.texts.items():
+            if found := re.fullmatch(pattern, column):
+                return described(column, (title.format(*found.groups()), text.format(*found.groups())))
+    return None
+
+
+def _named_term(column: str, device: Actuator | None) -> Term | None:
+    """Of a point or an angle that the user has named."""
+    name, unit = split(column)
+    if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
+        return described(
+            column, (f"{found[1].replace('_', ' ')}, {found[2]}", "place of that named point in this state")
         )
-        for i, value in enumerate(values)
-    }
-    return {**({"load_step": come} if case.program else {}), **(each if len(figures.cavity_volumes) > 1 else {})}
+    if unit == "°":
+        return described(
+            column, (name.replace("_", " "), "named angle: by how much its line has turned, or between its two lines")
+        )
+    return None
+
+
+def _extremes(name: str) -> list[Column]:
+    """The columns of an output field's least and largest values."""
+    field = next(field for field in FIELDS if field.name == name)
+    return [_extreme(field, one) for one in field.extremes]
+
+
+def _extreme(field: OutputField, one: Extreme) -> Column:
+    def value(solved: Solved) -> float:
+        return solved.figures.extremes[field.name][0 if one.least else 1] / one.unit
+
+    return Column(one.column, one.title, one.text, value)
+
+
+def _place_of_largest(axis: str) -> Column:
+    i = "xyz".index(axis)
+    return Column(
+        f"max_stretch_{axis}_mm", f"place of the largest stretch, {axis}", "in the undeformed device",
+        lambda s: s.figures.max_stretch_at[i] * 1e3,
+    )  # fmt: skip
+
+
+def _break_margin(solved: Solved) -> float | None:
+    limit = stretch_at_break(solved.case.material)
+    return None if limit is None else limit / solved.figures.max_stretch
+
+
+def _eigenvalue(solved: Solved) -> float | None:
+    """In Pa/mm2; nothing where it was not found to within its tolerance."""
+    eq, lowest = solved.fields.equilibrium, solved.point.signature.lowest
+    return None if math.isnan(lowest) else float(lowest * eq.stress_unit / (eq.length_unit * 1e3) ** 2)
+
+
+def _supplied(case: Case) -> bool:
+    return case.supply is not None
+
+
+def _gas(case: Case) -> bool:
+    return case.supply is not None and not case.supply.leak
+
+
+DEVICE = Columns(lambda s: s.figures.device, _device_term)
+NAMED = Columns(lambda s: {}, _named_term)
+"""Named points and angles: their values are among the device's."""
+
+COLUMNS: list[Column | Columns] = [
+    Column("step", "step", "number of the state along the path, from rest", lambda s: s.number),
+    Column("pressure_cm", "pressure",
+           "of the air in the cavity, as the height of the water column that balances it", _height),
+    Column("pressure_Pa", "pressure", "the same in pascal, above the pressure around", lambda s: s.pressure),
+    Column("added_volume_ml", "added volume", "volume of the whole device's cavities less that at rest; with pressure ratios, "
+           "what the common pressure works on", lambda s: s.figures.added_volume * 1e6),
+    Column("stroke_ml", "stroke", "how far the syringe's piston has moved, as a volume",
+           lambda s: _stroke(s) * 1e6, _supplied),
+    Column("gas_energy_mJ", "gas energy", "work stored in the gas of syringe, tubes and cavity", _gas_energy, _gas),
+    Column("stroke_limit", "stroke limit",
+           "1 where the stroke has a limit point of its own: beyond it the device jumps",
+           lambda s: int(s.point.turn), _supplied),
+    Column("stable_under_supply", "stable under the syringe",
+           "1 if the gas behind this state holds it, 0 if the device jumps", _held, _supplied),
+    Column("load_step", "load step", "how many steps a program of several cavities has come",
+           lambda s: s.load_step, lambda case: bool(case.program)),
+    Columns(_cavity_cells, _cavity_term),
+    Columns(lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
+    DEVICE,
+    Column("max_displacement_mm", "largest displacement", "longest displacement of any node",
+           lambda s: s.figures.max_displacement * 1e3),
+    *_extremes("largest_stretch"),
+    Column("break_margin", "break margin",
+           "stretch at which the silicone broke when pulled over the largest one; below 1 it tears",
+           _break_margin, lambda case: stretch_at_break(case.material) is not None),
+    *(_place_of_largest(axis) for axis in "xyz"),
+    *_extremes("von_mises_stress"),
+    *_extremes("J"),
+    Column("newton_iterations", "Newton iterations", "that the equilibrium of this state took",
+           lambda s: s.point.state.iterations),
+    Column("stored_energy_mJ", "stored energy", "elastic energy of the whole device",
+           lambda s: s.figures.stored_energy * 1e3),
+    Column("walls_touch", "walls touch",
+           "1 from where walls that face each other have met; they pass through each other there",
+           lambda s: int(s.fields.walls.met(s.nodal["displacement"]) is not None)),
+    Column("requested", "requested", "1 for a state that was asked for", lambda s: int(s.point.requested)),
+    Column("limit", "limit point",
+           "1 where the pressure has a maximum or minimum: under a pressure alone the device jumps",
+           lambda s: int(s.point.limit)),
+    Column("jump", "jump", "1 for the state of rest in which a jump landed", lambda s: int(s.point.jump)),
+    Column("bifurcation", "bifurcation", "1 where another branch of equilibria leaves the path, for another shape",
+           lambda s: int(s.point.bifurcation)),
+    Column("stable_under_pressure", "stable under a pressure", "1 if the state stands while the pressure is kept",
+           lambda s: int(s.point.stable_under_pressure)),
+    Column("stable_under_volume", "stable under a volume",
+           "1 if the state stands while the amount of liquid in the cavity is kept",
+           lambda s: int(s.point.stable_under_volume)),
+    Column("negative_eigenvalues", "negative eigenvalues",
+           "in how many independent directions the energy at this pressure falls: 0 is stable, each more is one way out",
+           lambda s: s.point.signature.negative_eigenvalues),
+    Column("lowest_eigenvalue_Pa_per_mm2", "lowest eigenvalue",
+           "of the tangent at this pressure; zero where stability is lost", _eigenvalue),
+    Column("following", "following", "what the step followed: pressure, volume, a syringe's line or the arc length",
+           lambda s: s.point.line),
+]  # fmt: skip
+"""In the order of the file."""

@@ -139,7 +139,7 @@ def _stored_point(
 def stored_state(results: Results, fields: Any, comm: Any, step: int, P: float, V: float) -> tuple[Any, Any]:
     """A stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
     from softmodels.mechanics.system import State
-    from softmodels.results.fields import RAW
+    from softmodels.results.state_dofs import RAW
 
     names = [name for pair in RAW for name in pair]
     if on_root(comm, lambda: results.has(step, names)):

@@ -15,8 +15,10 @@ from softmodels.case.case import Case
 from softmodels.materials.stability import weakness
 from softmodels.mechanics.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
-from softmodels.results.columns import restart_of, row_of
+from softmodels.results.column import Solved
+from softmodels.results.columns import row_of
 from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.results.restart import restart_of
 from softmodels.results.row import Row
 from softmodels.runs.explanation import explain, explain_failure, explain_step
 
@@ -303,7 +305,7 @@ class Simulation:
         else:
             more = fields.raw(point.state, point.tangent)
         whole = None if nodal is None or more is None else {**nodal, **more}
-        row = on_root(self.comm, lambda: row_of(case, fields, point, figures, whole, number, come))
+        row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, whole or {}, number, come)))
         return Step(row, whole, restart_of(point))
 
 

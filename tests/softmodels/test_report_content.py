@@ -15,7 +15,7 @@ from measurement import pictures as measured
 from measurement.page_style import RULES, VIEWPORT
 from softmodels.pictures import fit_pictures, report
 from softmodels.pictures.views import look
-from softmodels.results.glossary import term
+from softmodels.results.columns import term
 from softmodels.results.stored import States
 
 SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:120:60", "--quiet")
@@ -90,17 +90,17 @@ def test_the_mode_is_in_the_report(pressed):
 
 
 def test_every_column_is_explained_with_its_unit(pressed, stretched):
-    for folder, probes in ((pressed, HollowDisk().probes), (stretched, HollowDisk().probes)):
+    for folder, device in ((pressed, HollowDisk()), (stretched, HollowDisk())):
         header = (folder / "path.csv").read_text().splitlines()[0].split(",")
         for column in header:
-            meaning = term(column, tuple(probes))
+            meaning = term(column, device)
             assert meaning.text, column
             assert bool(meaning.unit) == bool(re.search(r"_(cm|mm|ml|Pa|kPa|mJ|N|deg|per_m|per_mm2)$", column)), column
         text = page(folder)
         assert all(f"<code>{column}</code>" in text for column in header)
     slab = SeminarActuator()
     for column in slab.device_figures(slab.probes):
-        assert term(column, tuple(slab.probes)).text, column
+        assert term(column, slab).text, column
 
 
 def test_pages_of_fits_and_photographs_fit_a_phone_and_paper():

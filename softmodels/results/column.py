@@ -1,0 +1,86 @@
+"""What a column of ``path.csv`` is made of: its name, its words, and how it is computed from a state."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from softmodels.case.case import Case
+from softmodels.results.row import Cell
+from softmodels.results.terms import Term, described
+
+if TYPE_CHECKING:
+    from softmodels.path.points import Point
+    from softmodels.results.fields import Fields
+    from softmodels.results.figures import Figures
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Solved:
+    """A state of a path with all that its row is made of, on rank 0.
+
+    Attributes:
+        case: What is run.
+        fields: The device's nodal fields and figures.
+        point: The point of the path.
+        figures: Its figures.
+        nodal: Its nodal fields by name, SI units.
+        number: How many rows come before.
+        load_step: How many steps a program has come.
+    """
+
+    case: Case
+    fields: Fields
+    point: Point
+    figures: Figures
+    nodal: Mapping[str, npt.NDArray[np.float64]]
+    number: int
+    load_step: float
+
+    @property
+    def pressure(self) -> float:
+        """In Pa; of a program's pressures the highest stands for all."""
+        return max(self.figures.cavity_pressures) if self.case.program else self.figures.pressure
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Column:
+    """One column.
+
+    Attributes:
+        name: In the file; its end is the unit, see `UNITS`.
+        title: Short name.
+        text: What it is, a sentence without its stop.
+        value: Its value, in its unit; None if it is not known.
+        present: Whether a case has it.
+    """
+
+    name: str
+    title: str
+    text: str
+    value: Callable[[Solved], Cell]
+    present: Callable[[Case], bool] = lambda case: True
+
+    def cells(self, solved: Solved) -> dict[str, Cell]:
+        return {self.name: self.value(solved)} if self.present(solved.case) else {}
+
+    def term(self, column: str, device: Actuator | None) -> Term | None:
+        return described(column, (self.title, self.text)) if column == self.name else None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Columns:
+    """Several columns whose names depend on the device or the case.
+
+    Attributes:
+        cells: Values by column.
+        term: What a column is; None for one that is not of these.
+    """
+
+    cells: Callable[[Solved], Mapping[str, Cell]]
+    term: Callable[[str, Actuator | None], Term | None]
