@@ -115,7 +115,7 @@ class InFolder:
         self.points, self.cells, self.cell_name = states.points, states.cells, states.cell_name
 
     def fields(self, step: int) -> Mapping[str, Array]:
-        from softmodels.results.fields import RAW
+        from softmodels.results.state_dofs import RAW
 
         names = [*PUBLIC, *(name for pair in RAW for name in pair)]
         there = tuple(name for name in names if self._results.has(step, [name]))
