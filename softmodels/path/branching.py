@@ -14,12 +14,12 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.controls import arc_length
 from softmodels.mechanics.solver import NoConvergence
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import Continuation
+from softmodels.path.continuation import LARGEST_GROWTH, Continuation
+from softmodels.path.modes import Mode
 from softmodels.path.points import PathEnd, Point, predict
-from softmodels.path.stability import Mode
+from softmodels.path.quantities import ArcLength
 
 AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
 """Amounts of the mode tried in turn for the first state: largest displacement in sizes of the device."""
@@ -43,8 +43,8 @@ class Branch:
 
     def __init__(self, path: Continuation, bifurcation: Point, sign: int):
         self.path, self.start, self.sign = path, bifurcation, sign
-        self.mode = Mode(path.stability, bifurcation.mode)
-        path.points, path.line, path.modes = [], "arc-length", []
+        self.mode = Mode(path.trail.stability.M, bifurcation.mode)
+        path.trail.begin_again(ArcLength.name)
 
     def amount(self, w: npt.NDArray[np.float64]) -> float:
         """What dofs (shape as `State.w`) have of the mode beyond the bifurcation's, along the way taken."""
@@ -67,38 +67,39 @@ class Branch:
     def next(self) -> Point:
         """The state with `GROWTH` times as much of the mode as the last."""
         path, last = self.path, self.path.last.state
-        before = path.points[0].state if len(path.points) > 1 else self.start.state
+        points = path.trail.points
+        before = points[0].state if len(points) > 1 else self.start.state
         old, new = self.amount(before.w), self.amount(last.w)
         ahead = (GROWTH - 1) * new / (new - old)
         return self._given(GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P))
 
     def _given(self, amount: float, guess: npt.NDArray[np.float64], P: float) -> Point:
         """The state with so much of the mode, its tangent pointing towards more."""
-        path, eq, at = self.path, self.path.equilibrium, self.start.state
-        eq.factorise(dataclasses.replace(at, w=guess, P=P))
-        state = eq.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
-        eq.factorise(state)
-        signature = path.stability.signature(exact=True)
-        t = path.tangent(state)
+        path, solver, at = self.path, self.path.solver, self.start.state
+        solver.factorise(dataclasses.replace(at, w=guess, P=P))
+        state = solver.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
+        solver.factorise(state)
+        signature = path.trail.stability.signature(exact=True)
+        t = path.corrector.tangent(state)
         tangent = t if self.sign * self.mode.share(t.w) > 0 else -t
-        step = self._distance(path.last.state, state) if path.points else path.first_steps["arc-length"]
+        step = self._distance(path.last.state, state) if path.trail.points else path.first_step
         return dataclasses.replace(
-            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=eq.age,
+            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=solver.age,
             signature=signature, stiffest=abs(tangent.compliance),
         )  # fmt: skip
 
     def _distance(self, a: State, b: State) -> float:
         """Arc length between two states in the plane of volume and pressure."""
         change = (b.V - a.V, b.P - a.P)
-        return self.path.product(change, change) ** 0.5
+        return self.path.plane.product(change, change) ** 0.5
 
     def foretold(self, known: list[Point], found: Point) -> bool:
         """Whether two points of the branch foretell a third well enough to go on by arc lengths."""
         s, t = known[-1].state, known[-1].tangent
         path, new = self.path, found.state
-        line = arc_length(s.V, s.P, t.V, t.P, 0.0, path.V_scale, path.P_scale)
+        line = path.plane.square_to(t, s)
         line = line.at(line.value(new.V, new.P))
-        forward = all(path.product((p.tangent.V, p.tangent.P), (t.V, t.P)) > 0 for p in (*known, found))
+        forward = all(path.plane.product((p.tangent.V, p.tangent.P), (t.V, t.P)) > 0 for p in (*known, found))
         if len(known) < 2 or not forward or line.target <= line.value(s.V, s.P):
             return False
         amount = self.amount(new.w)
@@ -121,17 +122,16 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     Raises:
         PathEnd: The branch could be followed no further.
     """
-    from softmodels.path.continuation import LARGEST_GROWTH
 
     def ends(point: Point) -> bool:
         value = path.value(point.state)
-        return value >= farthest or value <= 0.0 or not 0.05 < point.state.V / path.V_scale < LARGEST_GROWTH
+        return value >= farthest or value <= 0.0 or not 0.05 < point.state.V / path.plane.V_scale < LARGEST_GROWTH
 
     branch = Branch(path, bifurcation, sign)
     try:
         yield path.keep(branch.first())
         for _ in range(MOST_AMOUNTS):
-            known, found = path.points, branch.next()
+            known, found = path.trail.points, branch.next()
             yield path.keep(found)
             if ends(found):
                 return
@@ -139,7 +139,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
                 break
     except NoConvergence as failure:
         raise PathEnd(str(failure)) from failure
-    path.modes = [branch.mode]
+    path.trail.modes = [branch.mode]
     for _ in range(MOST_POINTS):
         before = path.last
         after = path.advance(min(before.step, 0.5), float("inf"))

@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import brentq
 
 from softmodels.mechanics.solver import NoConvergence
+from softmodels.path.corrector import Corrector
+from softmodels.path.points import Point
+from softmodels.path.quantities import Quantity
 from softmodels.path.stability import Signature
 
-if TYPE_CHECKING:
-    from softmodels.path.continuation import Continuation
-    from softmodels.path.points import Point
-
-Known = tuple[float, "Point"]
+Known = tuple[float, Point]
 """An eigenvalue and the state it belongs to."""
 
 DEEPEST = 10
@@ -49,31 +48,74 @@ def unexplained(before: Point, after: Point) -> int:
     return gained
 
 
-def events(path: Continuation, before: Point, after: Point, depth: int = 0) -> list[Point]:
-    """Limit points and bifurcations between two neighbouring points of a path, in order."""
+def events(
+    corrector: Corrector, requested: Quantity, before: Point, after: Point, report: Callable[[str], None]
+) -> list[Point]:
+    """Limit points, of the pressure and of what is requested, and bifurcations between two neighbouring points, in order.
+
+    The kept factorisation is that of ``after`` then: none of the states solved for in between leaves a trace in what
+    follows, which a run that is gone on with could not follow.
+
+    Args:
+        corrector: Of the path, whose last point is ``before``.
+        requested: What is requested of the path.
+        before, after: The points.
+        report: Takes a sentence on a bifurcation that cannot be located.
+    """
+    solver, stability = corrector.solver, corrector.stability
+    kept = solver.base, stability.modes
+    found = changes(corrector, before, after, report)
+    if turn := own_limit(corrector, requested, before, after):
+        found = sorted([*turn, *found], key=lambda point: abs(point.state.V - before.state.V))
+    if solver.base is not kept[0] or stability.modes is not kept[1]:
+        solver.factorise(after.state)
+        stability.lowest()
+    return found
+
+
+def own_limit(corrector: Corrector, requested: Quantity, before: Point, after: Point) -> list[Point]:
+    """The limit point of what is requested between two points, if it has one: of a stroke, where the gas goes on to push."""
+    if not requested.has_limits or requested.slope(before) <= 0.0 or requested.slope(after) >= 0.0:
+        return []
+    return [dataclasses.replace(corrector.point(corrector.root(before, after, requested.slope)), turn=True)]
+
+
+def limit(corrector: Corrector, before: Point, after: Point) -> Point:
+    """The limit point of the pressure between two points, to about 1e-10 of the pressure."""
+    state = corrector.root(before, after, lambda point: point.tangent.P / point.tangent.V)
+    return corrector.point(state, limit=True)
+
+
+def changes(
+    corrector: Corrector, before: Point, after: Point, report: Callable[[str], None], depth: int = 0
+) -> list[Point]:
+    """Changes of the signature between two neighbouring points: limit points of the pressure and bifurcations, in order."""
     turned = before.tangent.P * after.tangent.P < 0
     gained = unexplained(before, after)
     if gained == 0:
-        return [path.limit(before, after)] if turned else []
+        return [limit(corrector, before, after)] if turned else []
     if (turned or abs(gained) > 1) and depth < DEEPEST:
-        middle = path.middle(before, after)
-        return [*events(path, before, middle, depth + 1), *events(path, middle, after, depth + 1)]
+        middle = corrector.middle(before, after)
+        return [
+            *changes(corrector, before, middle, report, depth + 1),
+            *changes(corrector, middle, after, report, depth + 1),
+        ]
     try:
-        return [bifurcation(path, before, after)]
+        return [bifurcation(corrector, before, after)]
     except NoConvergence as failure:
         # The signature says that there is one; the next points' signatures go on saying so.
-        path.report(f"a bifurcation between two points could not be located ({failure})")
-        path.equilibrium.factorise(after.state)
+        report(f"a bifurcation between two points could not be located ({failure})")
+        corrector.solver.factorise(after.state)
         return []
 
 
-def bifurcation(path: Continuation, before: Point, after: Point) -> Point:
+def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     """The bifurcation between two points: the root of the eigenvalue that changes its sign there.
 
     Raises:
         NoConvergence: No state in between could be solved for.
     """
-    stability = path.stability
+    stability = corrector.stability
     # The negative eigenvalue nearest to zero is the one that has just changed its sign, or is about to.
     fewer, more = sorted((before, after), key=lambda point: point.signature.negative_eigenvalues)
     _, mode = stability.critical(more.state, fewer.signature.negative_eigenvalues)
@@ -87,20 +129,20 @@ def bifurcation(path: Continuation, before: Point, after: Point) -> Point:
         root = _root(known, scale)
         reach = max(abs(root - start), abs(root - after.state.V))
         for V in (root - spread * reach, root + spread * reach):
-            path.equilibrium.factorise(before.state)
+            corrector.solver.factorise(before.state)
             try:
-                point = path.on_the_way(before, after, min(max((V - start) / width, -1.0), 2.0))
+                point = corrector.on_the_way(before, after, min(max((V - start) / width, -1.0), 2.0))
                 known.append((stability.like(point.state, mode)[0], point))
             except NoConvergence:  # too near: K is singular there in every control
                 continue
     low, high = _around(_far(known, scale))
     root = _root(known, scale)
-    point = path.in_between(low[1], high[1], (root - low[1].state.V) / (high[1].state.V - low[1].state.V))
+    point = corrector.interpolated(low[1], high[1], (root - low[1].state.V) / (high[1].state.V - low[1].state.V))
     _, mode = stability.like(point.state, mode)
     lowest = stability.critical_lowest(
         point.state, min(before.signature.negative_eigenvalues, after.signature.negative_eigenvalues)
     )
-    path.equilibrium.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
+    corrector.solver.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
     signature = Signature(before.signature.negative_eigenvalues, lowest)
     return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
 

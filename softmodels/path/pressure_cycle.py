@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd, Point
+from softmodels.path.quantities import ArcLength
 
 LARGEST_GROWTH_OF_CYCLE = 500.0
 """Cavity volumes up to which a second stable part is looked for: a balloon of eight times its radius."""
@@ -48,13 +49,13 @@ def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
     Raises:
         PathEnd: There is no stable state at the highest pressure. What can be reached has been yielded.
     """
-    path.control, path.line, path.largest_growth = "arc-length", "arc-length", LARGEST_GROWTH_OF_CYCLE
+    path.control, path.largest_growth = ArcLength.name, LARGEST_GROWTH_OF_CYCLE
     points: list[Point] = []
     lost = None
     try:
         points.extend(trace(path, [goals[-1]]))
     except PathEnd as end:
-        points, lost = points or list(path.points), end
+        points, lost = points or list(path.trail.points), end
     parts = _stable_parts(points)
     here = yield from _along(path, parts, 0, goals, 1)
     if here is None:

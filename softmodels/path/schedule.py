@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from measurement.units import UnitError, brief
 from measurement.units import numbers as as_numbers
-
-if TYPE_CHECKING:
-    from softmodels.mechanics.coupling import Coupling
-    from softmodels.mechanics.solver import Equilibrium
-    from softmodels.mechanics.system import State
-    from softmodels.path.points import Point
+from softmodels.mechanics.coupling import Coupling
+from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.system import State
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.points import Point
+from softmodels.path.quantities import AddedVolume, Pressure, Quantity
 
 KEYS = {"pressure_cm": "cm", "volume_ml": "ml"}
 """What can be given of a cavity, as in the case file, with its unit."""
@@ -181,8 +181,6 @@ def follow(
     Raises:
         PathEnd: A step's values are not on the path that leads there.
     """
-    from softmodels.path.continuation import Continuation, trace
-
     eq = equilibrium
     state, rest = eq.rest(), eq.volumes()
     values = np.array([series.values for series in program]).T * [
@@ -195,10 +193,9 @@ def follow(
         if number <= here.number:
             before = row
             continue
-        coupling, quantity, goal = _step(here.pressures, row - before, held, rest + before)
+        coupling, requested, goal = _step(here.pressures, row - before, held, rest + before)
         start = eq.couple(coupling, here.state, here.pressures)
-        path = Continuation(eq, control, quantity, goal / POINTS_PER_STEP, start=start)
-        path.report = report
+        path = Continuation(eq, requested, control, goal / POINTS_PER_STEP, start=start, report=report)
         for place, point in enumerate(trace(path, [goal])):
             if place:
                 come = float(number) if point.requested else number - 1 + path.value(point.state) / goal
@@ -212,10 +209,9 @@ def follow(
 def _step(
     pressures: npt.NDArray[np.float64], change: npt.NDArray[np.float64], held: Sequence[int],
     volumes: npt.NDArray[np.float64],
-) -> tuple[Coupling, str, float]:  # fmt: skip
-    """The coupling of one step, what it is followed by, and how far."""
-    from softmodels.mechanics.coupling import Coupling
-
-    quantity = "volume" if any(change[cavity] for cavity in held) else "pressure"
-    make = Coupling.by_volume if quantity == "volume" else Coupling.by_pressure
-    return make(pressures, change, held, volumes), quantity, float(np.abs(change).max())
+) -> tuple[Coupling, Quantity, float]:  # fmt: skip
+    """The coupling of one step, what is requested in it, and how far it goes."""
+    by_volume = any(change[cavity] for cavity in held)
+    make = Coupling.by_volume if by_volume else Coupling.by_pressure
+    requested = AddedVolume() if by_volume else Pressure()
+    return make(pressures, change, held, volumes), requested, float(np.abs(change).max())

@@ -26,6 +26,7 @@ import scipy.linalg
 from softmodels.mechanics.solver import Equilibrium, NoConvergence
 from softmodels.mechanics.system import State
 from softmodels.path.lanczos import lowest
+from softmodels.path.modes import Mode, ShiftInvert
 
 Array = npt.NDArray[np.float64]
 
@@ -233,7 +234,7 @@ class Stability:
         solver = SLEPc.EPS().create(eq.comm)
         # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
         # constraint's infinite eigenvalues are zeros here, far from those wanted.
-        solver.setOperators(_Inverse.matrix(eq, self.M))
+        solver.setOperators(ShiftInvert.matrix(eq.bordered.solve, self.M))
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
         solver.setDimensions(count, max(2 * count + 8, 16))
@@ -283,7 +284,7 @@ class Stability:
         Raises:
             NoConvergence: No mode is like it.
         """
-        measure = Mode(self, shape)
+        measure = Mode(self.M, shape)
         pairs = [
             (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
         ]
@@ -297,56 +298,3 @@ def _grown(square: Array, column: Array) -> Array:
     """A symmetric matrix with one more column and row."""
     column = np.asarray(column)
     return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
-
-
-class Mode:
-    """A shape in which a device leaves its path, as a measure of other shapes.
-
-    Args:
-        stability: Of the device's equilibrium.
-        shape: Local dofs, shape as `State.w`.
-
-    Attributes:
-        image: M times the shape over shape.M.shape, a PETSc vector: its product with dofs is what they have of the shape.
-    """
-
-    def __init__(self, stability: Stability, shape: npt.NDArray[np.float64]):
-        self._M = stability.M
-        self._vector, self.image = self._M.createVecRight(), self._M.createVecLeft()
-        self._size = self._length(shape)
-        self._M.mult(self._vector, self.image)
-        self.image.scale(1 / self._size**2)
-
-    def share(self, w: npt.NDArray[np.float64]) -> float:
-        """What dofs (shape as `State.w`) have of the mode."""
-        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
-        return float(self.image.dot(self._vector))
-
-    def size(self, w: npt.NDArray[np.float64]) -> float:
-        """How large dofs are, with the mode as the unit."""
-        return self._length(w) / self._size
-
-    def _length(self, w: npt.NDArray[np.float64]) -> float:
-        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
-        pushed = self._M.createVecLeft()
-        self._M.mult(self._vector, pushed)
-        return float(self._vector.dot(pushed) ** 0.5)
-
-
-class _Inverse:
-    """PETSc's context of K^-1 M with the kept factorisation."""
-
-    def __init__(self, equilibrium: Equilibrium, M: Any):
-        self.solve, self.M, self.image = equilibrium.bordered.solve, M, M.createVecLeft()
-
-    @classmethod
-    def matrix(cls, equilibrium: Equilibrium, M: Any) -> Any:
-        from petsc4py import PETSc
-
-        made = PETSc.Mat().createPython(M.getSizes(), context=cls(equilibrium, M), comm=M.comm)
-        made.setUp()
-        return made
-
-    def mult(self, mat: Any, x: Any, y: Any) -> None:
-        self.M.mult(x, self.image)
-        self.solve(self.image, y)

@@ -17,7 +17,7 @@ import math
 from typing import ClassVar
 
 from measurement.units import brief
-from softmodels.mechanics.controls import Control
+from softmodels.path.quantities import Supply
 
 GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
 """Exponent of the gas law by name; a liquid does not give way at all."""
@@ -64,7 +64,7 @@ class Syringe:
         return self.syringe + self.dead_volume + cavity
 
     def control(self, cavity: float, pressure_unit: float, volume_unit: float) -> Stroke:
-        """The control at stroke zero.
+        """The stroke as what a path is asked for.
 
         Args:
             cavity: The whole device's cavity at rest in m3.
@@ -72,7 +72,7 @@ class Syringe:
             volume_unit: m3 of the whole device in one dimensionless volume.
         """
         return Stroke(
-            0.0, cavity / volume_unit, self.gas_at_rest(cavity) / volume_unit, self.ambient / pressure_unit,
+            cavity / volume_unit, self.gas_at_rest(cavity) / volume_unit, self.ambient / pressure_unit,
             1 / GASES[self.gas], self.leak * volume_unit,
         )  # fmt: skip
 
@@ -97,11 +97,10 @@ class Syringe:
 
 
 @dataclasses.dataclass(frozen=True)
-class Stroke:
-    """The curve of one stroke in the plane of volume and pressure, dimensionless: a `controls.Curve`.
+class Stroke(Supply):
+    """The syringe's stroke as a function of cavity volume and pressure, dimensionless.
 
     Attributes:
-        target: Stroke.
         rest: Cavity volume at rest.
         gas: All gas at rest.
         ambient: Ambient pressure.
@@ -109,14 +108,12 @@ class Stroke:
         leak: Share of mass lost per unit of stroke.
     """
 
-    target: float
     rest: float
     gas: float
     ambient: float
     power: float
     leak: float
-
-    needs_volume: ClassVar[bool] = True
+    name: ClassVar[str] = "stroke"
 
     def value(self, V: float, P: float) -> float:
         squeezed = max(1 + P / self.ambient, 1e-6) ** self.power
@@ -129,15 +126,7 @@ class Stroke:
         left = squeezed - lost
         return squeezed / left, rate * self.gas * (1 - self.leak * (self.gas + V - self.rest)) / left**2
 
-    def line(self, V: float, P: float) -> Control:
-        """The curve's tangent at a state, as a direction, in units of `weight`."""
-        a, b = self.slopes(V, P)
-        return Control(self.weight * a, self.weight * b, 0.0)
-
     @property
     def weight(self) -> float:
-        """Factor that brings a stroke's error to the size of a pressure's or volume's, however much gas there is."""
+        """However much gas there is, an error of the stroke counts as one of pressure or volume."""
         return 1 / (1 + self.power * self.gas / self.ambient)
-
-    def at(self, target: float) -> Stroke:
-        return dataclasses.replace(self, target=target)

@@ -135,7 +135,7 @@ def _stretched(path: Any, fields: Any, before: Any, after: Any) -> Any:
     """The point between two where the largest stretch is `LARGEST_STRETCH`, to a part in a thousand or so."""
     for _ in range(2):  # each time from the end that is nearer
         low, high = (fields.figures(point.state).max_stretch for point in (before, after))
-        between = path.on_the_way(before, after, (LARGEST_STRETCH - low) / (high - low))
+        between = path.corrector.on_the_way(before, after, (LARGEST_STRETCH - low) / (high - low))
         before, after = (
             (between, after) if fields.figures(between.state).max_stretch < LARGEST_STRETCH else (before, between)
         )

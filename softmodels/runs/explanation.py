@@ -26,7 +26,7 @@ def explain(case: Case, end: Any, fields: Any, path: Any, petsc: bool = False) -
             + advice(case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc)
         )
     at = fields.figures(end.limit.state)
-    if path.supply is not None:
+    if case.supply is not None:
         stroke = path.value(end.limit.state) * fields.equilibrium.volume_unit * 1e6
         return (
             f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "

@@ -230,12 +230,14 @@ class Simulation:
 
     def _continuation(self, last: float) -> Continuation:
         from softmodels.path.continuation import Continuation
+        from softmodels.path.quantities import DIRECT
 
         case, eq, supply = self.case, self.equilibrium, None
         if case.supply is not None:
             cavity = eq.rest().V * eq.volume_unit
             supply = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
-        path = Continuation(eq, case.control, case.quantity, last / FEWEST_STEPS, supply)
+        requested = supply or DIRECT[case.quantity]
+        path = Continuation(eq, requested, case.control, last / FEWEST_STEPS)
         path.report = lambda text: self.listener.say(f"  {text}")
         return path
 

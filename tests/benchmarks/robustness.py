@@ -168,9 +168,11 @@ def supply_of(trial: Trial, equations: Any) -> Any:
 def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
     """How the path of a trial ends, in a word, and its points."""
     from softmodels.path.points import PathEnd
+    from softmodels.path.quantities import DIRECT
 
     goal = trial.goal * (1.0 if trial.quantity == "pressure" else equations.rest().V)
-    settings = trial.control, trial.quantity, math.inf, supply_of(trial, equations)
+    requested = supply_of(trial, equations) or DIRECT[trial.quantity]
+    settings = requested, trial.control, math.inf
     points, end = follow(equations, goal, *settings)
     if end is None:
         return "reached", points
@@ -182,10 +184,12 @@ def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
 
 def check(trial: Trial, ended: str, points: list[Any], equations: Any) -> Found:
     """What is wrong with an outcome by a second path, of the section or of the same device, under volume control."""
+    from softmodels.path.quantities import AddedVolume
+
     V0 = equations.rest().V
     slices = trial.device.copies if trial.kind == "wedge" else 1
     last = max(points[-1].state.V * slices, V0 * 1.001)
-    known, end = follow(equations, last - V0, "volume", "volume", (last - V0) / STEPS)
+    known, end = follow(equations, last - V0, AddedVolume(), "volume", (last - V0) / STEPS)
     if end is not None:
         return Found(ended, f"the check's path was lost ({end})")
     V, P = np.array([(point.state.V, point.state.P) for point in known]).T

@@ -412,9 +412,10 @@ def solved(equilibrium):
     """
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
+    from softmodels.path.quantities import DIRECT
 
     def solve(equations, goals, control="auto", quantity="pressure", **options):
-        path = Continuation(equations, control, quantity, **options)
+        path = Continuation(equations, DIRECT.get(quantity, quantity), control, **options)
         points, end = [], None
         try:
             points.extend(trace(path, goals))

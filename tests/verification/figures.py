@@ -93,8 +93,9 @@ def bifurcation(equations) -> dict[str, list[float]]:
 
     from softmodels.path.branching import follow
     from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.quantities import AddedVolume
 
-    path = Continuation(equations, "auto", "volume", largest_step=2.0)
+    path = Continuation(equations, AddedVolume(), largest_step=2.0)
     first = next(point for point in trace(path, [12.0]) if point.bifurcation)
     branch = [point.state for point in itertools.islice(follow(path, first), 2)]
     return {
@@ -112,11 +113,12 @@ def rates(equations, added: float) -> list[float]:
     from softmodels.mechanics.morphing import Reshaping
     from softmodels.mechanics.sensitivity import Sensitivity
     from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.quantities import AddedVolume
 
     moving = Reshaping(equations.body, ("membrane",))
     sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations)
     moving.move({"membrane": 1.02 * moving.nominal["membrane"]})
-    state = list(trace(Continuation(equations, "auto", "volume"), [added]))[-1].state
+    state = list(trace(Continuation(equations, AddedVolume()), [added]))[-1].state
     _, found = sensitivity.rates(state, volume_control(state.V), ("shear_modulus", "poisson", "membrane"))
     curve = silhouette.curve(state, {"membrane": 1.02 * moving.nominal["membrane"]})
     size = equations.length_unit

@@ -30,7 +30,7 @@ def drive(disk, solved):
         disk.rest()
         supply = syringe.control(disk.rest().V * disk.volume_unit, disk.stress_unit, disk.volume_unit)
         goals = [stroke * ML / disk.volume_unit for stroke in strokes]
-        path, points, end = solved(disk, goals, quantity="stroke", supply=supply, **options)
+        path, points, end = solved(disk, goals, quantity=supply, **options)
         assert end is None
         return path, points
 
@@ -77,7 +77,7 @@ def test_pistons_work_is_in_rubber_and_gas(disk, drive, gas):
     S, P = np.array([(path.value(p.state), p.state.P) for p in points]).T
     slope = []
     for point in points:
-        a, b = path.supply.slopes(point.state.V, point.state.P)
+        a, b = path.requested.slopes(point.state.V, point.state.P)
         slope.append(point.tangent.P / (a * point.tangent.V + b * point.tangent.P))
     work = CubicHermiteSpline(S, P, slope).integrate(0, S[-1]) * disk.stress_unit * disk.volume_unit
     disk.load(points[-1].state)
@@ -102,7 +102,7 @@ def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved
     """Twenty litres in the tubes: at the largest stroke of a path under volume the device jumps to where that comes again."""
     syringe = Syringe(syringe=2000 * ML, dead_volume=20000 * ML)
     supply = syringe.control(disk.rest().V * disk.volume_unit, disk.stress_unit, disk.volume_unit)
-    path, points, end = solved(disk, [1000 * ML / disk.volume_unit], quantity="stroke", supply=supply)
+    path, points, end = solved(disk, [1000 * ML / disk.volume_unit], quantity=supply)
     assert end is not None and "grown 60 times" in str(end)
     _, known, _ = solved(disk, [60 * ML / disk.volume_unit], "volume", "volume", largest_step=1 * ML / disk.volume_unit)
     V, P = np.array([(p.state.V * disk.volume_unit, p.state.P * disk.stress_unit) for p in known]).T
@@ -173,7 +173,7 @@ def test_strokes_that_a_balloon_jumps_over_are_passed_and_told(balloon, solved):
     """Where the piston would have to go back, no state is held; every requested stroke is met before and after."""
     supply = supply_of(balloon, MUCH_GAS)
     strokes = [50 * ML / balloon.volume_unit, 180 * ML / balloon.volume_unit]
-    path, points, end = solved(balloon, strokes, quantity="stroke", supply=supply)
+    path, points, end = solved(balloon, strokes, quantity=supply)
     assert end is None
     assert [path.value(p.state) for p in points if p.requested] == pytest.approx(strokes, rel=1e-9)
     for point in points:
@@ -188,11 +188,11 @@ def test_strokes_that_a_balloon_jumps_over_are_passed_and_told(balloon, solved):
 
 
 def test_slopes_are_those_of_the_stroke():
-    curve = Stroke(0.0, rest=1.0, gas=5.0, ambient=3.0, power=1 / 1.4, leak=0.02)
+    curve = Stroke(rest=1.0, gas=5.0, ambient=3.0, power=1 / 1.4, leak=0.02)
     for V, P in ((1.0, 0.0), (2.0, 0.3), (3.0, -0.1)):
         a, b = curve.slopes(V, P)
         h = 1e-6
         assert a == pytest.approx((curve.value(V + h, P) - curve.value(V - h, P)) / (2 * h), rel=1e-8)
         assert b == pytest.approx((curve.value(V, P + h) - curve.value(V, P - h)) / (2 * h), rel=1e-8)
     assert curve.value(1.0, 0.0) == 0.0
-    assert dataclasses.replace(curve, leak=0.0).at(2.0).target == 2.0
+    assert dataclasses.replace(curve, leak=0.0).curve(2.0).target == 2.0

@@ -19,6 +19,7 @@ from softmodels.mechanics.solver import Equilibrium, NoConvergence
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd
+from softmodels.path.quantities import DIRECT
 from softmodels.results.quadratic_curve import QuadraticCurve
 
 Array = npt.NDArray[np.float64]
@@ -133,7 +134,7 @@ class Inflation:
     def _followed(self, goals: Sequence[float], quantity: str) -> list[State]:
         """The states on one path from rest. Under volume control it passes limit points; pressures mean its first branch."""
         try:
-            path = Continuation(self.equilibrium, "auto", quantity)
+            path = Continuation(self.equilibrium, DIRECT[quantity])
             return [point.state for point in trace(path, goals) if point.requested]
         except (PathEnd, NoConvergence) as end:
             raise CannotEvaluate(f"no equilibrium at an added {quantity} that was measured: {end}") from None

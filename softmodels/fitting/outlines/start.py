@@ -18,6 +18,7 @@ from softmodels.fitting.problem import CannotEvaluate
 from softmodels.mechanics.solver import NoConvergence
 from softmodels.path.continuation import LARGEST_GROWTH, Continuation, trace
 from softmodels.path.points import PathEnd
+from softmodels.path.quantities import AddedVolume
 
 Array = npt.NDArray[np.float64]
 
@@ -81,7 +82,7 @@ def volumes_of(inflation: Inflation, values: dict[str, float], heights: Array) -
     inflation.paths += 1
     why = ""
     try:
-        for point in trace(Continuation(eq, "auto", "volume"), goals.tolist()):
+        for point in trace(Continuation(eq, AddedVolume()), goals.tolist()):
             rise = float(inflation.curve(point.state, lengths).nodes[0, 0, 1])
             if rise > rises[-1]:
                 rises.append(rise)
