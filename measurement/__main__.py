@@ -13,10 +13,10 @@ with stoppable("measurement"):
     from measurement.running import run_command
 
 COMMANDS = {
-    "calibrate": "measurement.commands_setup",
-    "setup": "measurement.commands_setup",
-    "photos": "measurement.commands_photos",
-    "demo": "measurement.commands_photos",
+    "calibrate": "measurement.cli.setup",
+    "setup": "measurement.cli.setup",
+    "photos": "measurement.cli.photos",
+    "demo": "measurement.cli.photos",
 }
 """Commands in the order of their use, and the modules that hold them: imported when asked for, so that help is quick."""
 

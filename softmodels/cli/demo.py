@@ -16,11 +16,11 @@ import numpy.typing as npt
 
 from geometries import HollowDisk
 from geometries.apart import interpreter
-from measurement.demo import FLOOR, SCENE
 from measurement.output_option import FolderType, open_folder, open_place
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
-from measurement.synthetic import Scene, photograph, save
+from measurement.synthetic.demo import FLOOR, SCENE
+from measurement.synthetic.photographer import Scene, photograph, save
 from measurement.units import pascal_per_cm
 from softmodels.case.case import Case, material_table
 from softmodels.fitting.law_parameters import LawChoice

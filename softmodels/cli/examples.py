@@ -13,8 +13,8 @@ from pathlib import Path
 import click
 import numpy as np
 
-from measurement.synthetic import Scene, save
-from measurement.synthetic_boards import chessboard
+from measurement.synthetic.boards import chessboard
+from measurement.synthetic.photographer import Scene, save
 from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
 from softmodels.cli.example_cases import CASES
 from softmodels.fitting.law_parameters import LawChoice

@@ -3,8 +3,8 @@
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/damaged_photographs.py --count 1000
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/damaged_photographs.py --count 200 --kind "second lamp,dent" --list
 
-Random benches (`measurement/synthetic_bench.py`), random damages of random size and place
-(`measurement/synthetic_damages.py`), the same for the same seed. A photograph is wrong if it is trusted and its apex, or more
+Random benches (`measurement/synthetic/bench.py`), random damages of random size and place
+(`measurement/synthetic/damages.py`), the same for the same seed. A photograph is wrong if it is trusted and its apex, or more
 than 2 % of its outline, lies off by more than 25 um and more than three times what is stated, or if more than 1 mm of outline
 is missing. A photograph takes about 0.8 s of one core.
 
@@ -31,8 +31,8 @@ from collections.abc import Iterator
 
 import cv2
 
-from measurement.synthetic_bench import Bench, Run, Verdict
-from measurement.synthetic_damages import KINDS
+from measurement.synthetic.bench import Bench, Run, Verdict
+from measurement.synthetic.damages import KINDS
 
 OUTCOMES = ("right", "refused", "untrusted", "wrong")
 

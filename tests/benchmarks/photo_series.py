@@ -17,12 +17,13 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from measurement import demo, witness
-from measurement.column import Column
-from measurement.copies import cut_out, is_copy, likeness, prepared
-from measurement.photo_list import PhotoListError, read_photos
-from measurement.synthetic import Scene, dome, photograph
-from measurement.synthetic_series import COURSES, DAMAGES, damaged, run
+from measurement.series import witness
+from measurement.series.column import Column
+from measurement.series.copies import cut_out, is_copy, likeness, prepared
+from measurement.series.photo_list import PhotoListError, read_photos
+from measurement.synthetic import demo
+from measurement.synthetic.courses import COURSES, DAMAGES, damaged, run
+from measurement.synthetic.photographer import Scene, dome, photograph
 
 
 def rows(count: int) -> None:

@@ -15,14 +15,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from measurement.camera import Camera
-from measurement.grid import find_grid
-from measurement.outline import Outline
-from measurement.photo import measure, zero_of
-from measurement.pixels import read_photograph
-from measurement.setup import Setup
-from measurement.synthetic import Scene, dome, dome_height, photograph, save, truth_of
-from measurement.tracing import trace, trace_image
+from measurement.camera.camera import Camera
+from measurement.camera.pixels import read_photograph
+from measurement.edge.tracing import trace, trace_image
+from measurement.outline.outline import Outline
+from measurement.screen.grid import find_grid
+from measurement.screen.setup import Setup
+from measurement.series.photo import measure, zero_of
+from measurement.synthetic.photographer import Scene, dome, dome_height, photograph, save, truth_of
 
 SCENE = Scene(
     width=5184, height=3456, focal_px=9000.0, pixel_size=10e-6, tilt=10.0, pan=-20.0, target=(0.001, 0.002), ambient=0.12,

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from geometries import HollowDisk
-from measurement.outline import Outline
+from measurement.outline.outline import Outline
 from softmodels.fitting.believable import expected, hold_against
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.data import prepare

@@ -1,10 +1,10 @@
-"""Boards that the photographer of `measurement.synthetic` sees in place of the screen."""
+"""Boards that the photographer of `measurement.synthetic.photographer` sees in place of the screen."""
 
 from __future__ import annotations
 
 import pytest
 
-from measurement.synthetic_boards import charuco, chessboard
+from measurement.synthetic.boards import charuco, chessboard
 
 
 @pytest.fixture(scope="session")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.camera import Camera
-from measurement.grid import find_grid
-from measurement.photo import outline_of, zero_of
-from measurement.setup import Setup
-from measurement.synthetic import Scene, dome, dome_height, photograph, truth_of
-from measurement.tracing import trace_image
+from measurement.camera.camera import Camera
+from measurement.edge.tracing import trace_image
+from measurement.screen.grid import find_grid
+from measurement.screen.setup import Setup
+from measurement.series.photo import outline_of, zero_of
+from measurement.synthetic.photographer import Scene, dome, dome_height, photograph, truth_of
 
 SEEDS = range(20)
 RADIUS = 10e-3

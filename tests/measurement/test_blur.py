@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.blur import check_blur
-from measurement.edge import Edge
+from measurement.edge.blur import check_blur
+from measurement.edge.edge import Edge
 
 SCALE = 30e-6
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from measurement import calibration
 from measurement.__main__ import main
-from measurement.boards import corner_reach, find_chessboard
-from measurement.camera import Camera
-from measurement.corners import straightened_corners
-from measurement.synthetic import Scene, truth_of
+from measurement.camera.camera import Camera
+from measurement.camera.corners import straightened_corners
+from measurement.screen import calibration
+from measurement.screen.boards import corner_reach, find_chessboard
+from measurement.synthetic.photographer import Scene, truth_of
 
 POSES = [(20, 0), (-25, 10), (5, 30), (10, -30), (-15, -20), (0, 35), (30, 5), (-30, -10)]
 LENSES = {"two terms": (-0.2, 0.04), "all terms": (-0.2, 0.04, 1e-3, -1e-3, 0.1)}

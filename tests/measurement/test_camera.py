@@ -9,11 +9,11 @@ import lensfunpy
 import numpy as np
 import pytest
 
-from measurement.boards import find_chessboard
-from measurement.calibration import calibrate
-from measurement.camera import Camera, CameraError, frame_points
-from measurement.lens import Exif, lens_profile, read_exif
-from measurement.synthetic import Scene, save, truth_of
+from measurement.camera.camera import Camera, CameraError, frame_points
+from measurement.camera.lens import Exif, lens_profile, read_exif
+from measurement.screen.boards import find_chessboard
+from measurement.screen.calibration import calibrate
+from measurement.synthetic.photographer import Scene, save, truth_of
 
 PUBLISHED_FOCAL = 535.91573396163199
 """From left_intrinsics.yml beside the boards (OpenCV's samples, 13 photographs)."""

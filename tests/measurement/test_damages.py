@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from measurement.synthetic_bench import Bench, Run
+from measurement.synthetic.bench import Bench, Run
 
 BENCHES = (4, 5)
 

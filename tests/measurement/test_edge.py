@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from measurement.edge import coarse_contour, refine_edge
-from measurement.pixels import TONES, Unmeasurable
-from measurement.shadow import find_shadow
+from measurement.camera.pixels import TONES, Unmeasurable
+from measurement.edge.edge import coarse_contour, refine_edge
+from measurement.edge.shadow import find_shadow
 
 ROWS, COLUMNS = np.indices((240, 320)).astype(float)
 LINEAR = TONES["linear"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.flatness import flatness, pieces_of
-from measurement.screen import GridLook
+from measurement.screen.flatness import flatness, pieces_of
+from measurement.screen.grid_look import GridLook
 
 PITCH, NOISE = 9e-3, 4e-6
 EDGE = np.column_stack([np.linspace(-0.01, 0.01, 50), np.full(50, 1e-3)])

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from measurement.boards import find_charuco, find_chessboard
-from measurement.camera import Camera
-from measurement.grid import GridError, find_grid
-from measurement.synthetic import Scene, dome, photograph
+from measurement.camera.camera import Camera
+from measurement.screen.boards import find_charuco, find_chessboard
+from measurement.screen.grid import find_grid
+from measurement.screen.grid_error import GridError
+from measurement.synthetic.photographer import Scene, dome, photograph
 
 DOME = dome(0.006, floor=-0.002)
 VIEWS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.outline import COLUMNS, Outline, OutlineError
+from measurement.outline.outline import COLUMNS, Outline, OutlineError
 
 X = np.linspace(-0.01, 0.01, 41)
 Z = 0.004 * (1.0 - (X / 0.01) ** 2)

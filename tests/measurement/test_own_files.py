@@ -12,14 +12,14 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
 
-from measurement import demo
 from measurement.__main__ import main
-from measurement.outline import Outline
+from measurement.outline.outline import Outline
 from measurement.own_folder import OwnFolder
-from measurement.photo import Refusal
-from measurement.photo_pictures import draw_edge
 from measurement.plain_text import plain
-from measurement.synthetic import Scene, photograph, save
+from measurement.series.photo import Refusal
+from measurement.series.photo_pictures import draw_edge
+from measurement.synthetic import demo
+from measurement.synthetic.photographer import Scene, photograph, save
 
 
 def run(*words):

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
-from measurement.photo_list import PhotoListError, read_photos
+from measurement.series.photo_list import PhotoListError, read_photos
 
 SERIES = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "photo_series.py"))
 

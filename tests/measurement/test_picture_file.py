@@ -12,14 +12,15 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image, ImageCms
 
-from measurement import demo, picture_file
 from measurement.__main__ import main
-from measurement.lens import read_exif
-from measurement.outline import Outline
-from measurement.photo import find_zero, measure
-from measurement.picture_file import PictureError, read_pixels
-from measurement.setup import Setup
-from measurement.synthetic import Scene, dome, photograph, save
+from measurement.camera import picture_file
+from measurement.camera.lens import read_exif
+from measurement.camera.picture_file import PictureError, read_pixels
+from measurement.outline.outline import Outline
+from measurement.screen.setup import Setup
+from measurement.series.photo import find_zero, measure
+from measurement.synthetic import demo
+from measurement.synthetic.photographer import Scene, dome, photograph, save
 
 SMALL = photograph(Scene(width=96, height=64, pixel_size=4e-4, noise=0.0, jpeg_quality=None), dome(8e-3), 1)[0]
 SCENE = dataclasses.replace(

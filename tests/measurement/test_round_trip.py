@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from measurement import demo
 from measurement.__main__ import main
-from measurement.outline import Outline
-from measurement.synthetic import dome, dome_height, photograph, save
+from measurement.outline.outline import Outline
+from measurement.synthetic import demo
+from measurement.synthetic.photographer import dome, dome_height, photograph, save
 
 HEIGHTS = (0.0, 1e-3, 4e-3, 9e-3)
 

@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from measurement.camera import Camera
-from measurement.outline import Outline
-from measurement.plane import Plane
-from measurement.scaling import doubts, with_known_body
-from measurement.setup import Setup, SetupError
-from measurement.sides import sides_of
-from measurement.zero import ZeroLine
+from measurement.camera.camera import Camera
+from measurement.outline.outline import Outline
+from measurement.outline.scaling import doubts, with_known_body
+from measurement.outline.sides import sides_of
+from measurement.outline.zero import ZeroLine
+from measurement.screen.plane import Plane
+from measurement.screen.setup import Setup, SetupError
 
 HEIGHTS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]) * 1e-3
 RIGHT = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))

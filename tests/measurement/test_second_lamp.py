@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.edge import Edge
-from measurement.pixels import Unmeasurable
-from measurement.shadow import ShadowColour
-from measurement.tracing import _check_steps
+from measurement.camera.pixels import Unmeasurable
+from measurement.edge.edge import Edge
+from measurement.edge.shadow import ShadowColour
+from measurement.edge.tracing import _check_steps
 
 COLOUR = ShadowColour(np.full(3, 0.1), np.full(3, 0.8), np.eye(3) * 1e-4)
 WHOLE = 1.0 / float(COLOUR.direction @ COLOUR.lit)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.outline import Outline
-from measurement.settling import doubts
+from measurement.outline.outline import Outline
+from measurement.outline.settling import doubts
 
 HEIGHTS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 9.0]) * 1e-3
 X = np.linspace(-0.02, 0.02, 201)

@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
-from measurement.camera import frame_points
-from measurement.lens import Exif, lens_profile
-from measurement.setup import Setup
-from measurement.synthetic import Scene, dome, photograph, save, truth_of
+from measurement.camera.camera import frame_points
+from measurement.camera.lens import Exif, lens_profile
+from measurement.screen.setup import Setup
+from measurement.synthetic.photographer import Scene, dome, photograph, save, truth_of
 
 DOME = dome(0.005, floor=-0.003)
 THESIS = {"maker": "Canon", "camera": "Canon EOS 550D", "lens": "EF-S18-55mm f/3.5-5.6 IS", "focal_mm": 35.0}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from measurement.pixels import Unmeasurable
-from measurement.shadow import check_exposure, chi_square_limit, find_shadow, learn_colour, robust_covariance
+from measurement.camera.pixels import Unmeasurable
+from measurement.edge.shadow import check_exposure, chi_square_limit, find_shadow, learn_colour, robust_covariance
 
 DARK, LIT = np.array([0.08, 0.09, 0.11]), np.array([0.7, 0.68, 0.6])
 NOISE = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, 1.0], [0.0, 1.0, 5.0]]) * 1e-5

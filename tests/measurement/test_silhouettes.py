@@ -9,11 +9,11 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
-from measurement.edge import coarse_contour, refine_edge
-from measurement.pixels import TONES, Unmeasurable, read_photograph
-from measurement.setup import Setup
-from measurement.shadow import find_shadow
-from measurement.tracing import trace_image
+from measurement.camera.pixels import TONES, Unmeasurable, read_photograph
+from measurement.edge.edge import coarse_contour, refine_edge
+from measurement.edge.shadow import find_shadow
+from measurement.edge.tracing import trace_image
+from measurement.screen.setup import Setup
 
 ROI = (147, 10, 677, 480)
 """Beside the drops the photographs show the rim of their vessel."""

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from measurement.setup import Setup, SetupError
+from measurement.screen.setup import Setup, SetupError
 from measurement.toml_file import TomlError, numbers, read_toml
 from softmodels.case.case import Case, CaseError
 from softmodels.case.material_table import material_from

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from measurement.course import Course
-from measurement.pictures import draw_heights
-from measurement.synthetic_series import COURSES, DAMAGES, Rows, damaged, run
-from measurement.witness import course_of, doubts
+from measurement.series.course import Course
+from measurement.series.overview import draw_heights
+from measurement.series.witness import course_of, doubts
+from measurement.synthetic.courses import COURSES, DAMAGES, Rows, damaged, run
 
 STEPS = np.linspace(0.0, 1.0, 9)
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from measurement import series
-from measurement.camera import Camera
-from measurement.photo_list import Photograph
-from measurement.pixels import Unmeasurable
-from measurement.plane import Plane
-from measurement.setup import Setup
-from measurement.zero import ZeroLine
+from measurement.camera.camera import Camera
+from measurement.camera.pixels import Unmeasurable
+from measurement.outline.zero import ZeroLine
+from measurement.screen.plane import Plane
+from measurement.screen.setup import Setup
+from measurement.series import measuring as series
+from measurement.series.photo_list import Photograph
 
 SLOPE = np.radians(7.0)
 WAY, UP = np.array([np.cos(SLOPE), np.sin(SLOPE)]), np.array([-np.sin(SLOPE), np.cos(SLOPE)])

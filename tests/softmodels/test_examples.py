@@ -15,10 +15,10 @@ import pytest
 
 from geometries import HollowDisk
 from geometries.__main__ import main as geometries
-from measurement import commands_photos
 from measurement.__main__ import main as measurement
+from measurement.cli import photos as commands_photos
 from measurement.own_folder import OwnFolderError
-from measurement.synthetic import dome
+from measurement.synthetic.photographer import dome
 from softmodels import disk, seminar
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case

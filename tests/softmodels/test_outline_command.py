@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from geometries import HollowDisk
-from measurement.outline import Outline
+from measurement.outline.outline import Outline
 from measurement.own_folder import OwnFolder
 from softmodels.case.case import Case
 from softmodels.cli.fit_command import fit_material

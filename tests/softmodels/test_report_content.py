@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from geometries import HollowDisk, SeminarActuator
-from measurement import pictures as measured
 from measurement.page_style import RULES, VIEWPORT
+from measurement.series import overview as measured
 from softmodels.pictures import fit_pictures, report
 from softmodels.pictures.views import look
 from softmodels.results.columns import term

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from measurement.outline import Outline, OutlineError
-from measurement.smoothing import SPAN
+from measurement.edge.smoothing import SPAN
+from measurement.outline.outline import Outline, OutlineError
 from measurement.units import pascal_per_cm
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.result import autocorrelation_time

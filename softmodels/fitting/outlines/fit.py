@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from measurement.column import DENSITY_ERROR
+from measurement.series.column import DENSITY_ERROR
 from measurement.units import WATER_DENSITY
 from softmodels.fitting.curves.fit import changed
 from softmodels.fitting.least_squares import fit

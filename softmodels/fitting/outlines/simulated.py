@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from measurement.outline import Outline
+from measurement.outline.outline import Outline
 from softmodels.fitting.outlines.forward import Inflation
 from softmodels.results.quadratic_curve import QuadraticCurve
 

@@ -1,0 +1,138 @@
+"""The zero plane: the undeformed surface, from which heights are counted.
+
+Seen from the side it is a straight line on the screen, from the photograph at zero pressure or from two points given in the
+setup. x runs along it from the foot of the screen's origin, z stands on it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from measurement.camera.pixels import Unmeasurable
+from measurement.outline.sides import Sides
+
+Array = npt.NDArray[np.float64]
+
+STEEPEST = 20.0
+"""Largest angle in degrees between the surface and the screen's horizontal."""
+
+STRAIGHT = 60e-6
+"""Half width in m of the band in which a flat surface's edge must lie."""
+
+FEWEST = 30
+
+KIN = 10.0
+"""Neighbouring points that err together (dust, ripples of the skin), for the error of the line."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ZeroLine:
+    """The undeformed surface on the screen.
+
+    Attributes:
+        origin: Foot of the screen's origin on it in m, shape (2,).
+        direction: Unit vector along it, to the right, shape (2,).
+        centre: x at which it is known best, in m.
+        error: Standard error of its height at ``centre`` in m.
+        slope_error: Standard error of its slope in rad.
+        extent: Least and greatest x at which it was seen, in m.
+        tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
+        doubts: What speaks against trusting it, one sentence each.
+        sides: The body's sides below it; None where the photograph does not show both.
+    """
+
+    origin: Array
+    direction: Array
+    centre: float = 0.0
+    error: float = 0.0
+    slope_error: float = 0.0
+    extent: tuple[float, float] = (-np.inf, np.inf)
+    tone: str = ""
+    doubts: tuple[str, ...] = ()
+    sides: Sides | None = None
+
+    @property
+    def normal(self) -> Array:
+        """Unit vector that z is counted along, shape (2,)."""
+        return np.array([-self.direction[1], self.direction[0]])
+
+    @classmethod
+    def through(cls, points: Array) -> ZeroLine:
+        """The line through two points (2, 2) in m, in any order, taken as exact."""
+        first, second = sorted(np.asarray(points, dtype=np.float64).tolist())
+        way = np.array(second) - np.array(first)
+        if not np.linalg.norm(way) > 0.0:
+            raise ValueError("the two points of the zero plane are one and the same")
+        direction = way / np.linalg.norm(way)
+        origin = np.array(first) - (np.array(first) @ direction) * direction
+        return cls(origin, direction)
+
+    @classmethod
+    def fit(cls, points: Array, normals: Array, errors: Array) -> ZeroLine:
+        """The straight upper edge of a shadow.
+
+        Args:
+            points: Edge in m (X, Z), shape (n, 2).
+            normals: Unit vectors from shadow to light on the screen, shape (n, 2); only the upper side counts.
+            errors: Standard errors in m, shape (n,).
+
+        Raises:
+            Unmeasurable: No upper side, or one that is not straight: the actuator is inflated or is not lying flat.
+        """
+        upper = normals[:, 1] > np.cos(np.radians(STEEPEST))
+        if upper.sum() < FEWEST:
+            raise Unmeasurable("the shadow has no level upper side from which heights could be counted")
+        points, errors = points[upper], errors[upper]
+        direction, middle = _best_pair(points)
+        rest = np.zeros(len(points))
+        for _ in range(20):
+            normal = np.array([-direction[1], direction[0]])
+            rest = (points - middle) @ normal
+            scatter = max(1.4826 * float(np.median(np.abs(rest))), 1e-7)
+            weight = 1.0 / (scatter**2 + errors**2) * np.minimum(1.0, 1.5 * scatter / np.maximum(np.abs(rest), 1e-12))
+            weight = np.where(np.abs(rest) < max(6.0 * scatter, 1e-5), weight, 0.0)
+            middle = weight @ points / weight.sum()
+            spread = (points - middle).T @ ((points - middle) * weight[:, None])
+            direction = np.linalg.eigh(spread)[1][:, 1]
+            direction = direction if direction[0] > 0.0 else -direction
+        straight = np.abs(rest) < STRAIGHT
+        if straight.mean() < 0.8 or scatter > 0.5 * STRAIGHT:
+            raise Unmeasurable(
+                "the surface is not straight, so that it cannot be the undeformed one: "
+                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line"
+            )
+        if abs(direction[1]) > np.sin(np.radians(STEEPEST)):
+            raise Unmeasurable(f"the undeformed surface is inclined by more than {STEEPEST:.0f} degrees")
+        along = points[straight] @ direction
+        count = max(2.0, straight.sum() / KIN)
+        typical = float(np.hypot(scatter, np.median(errors)))
+        error, slope = typical / np.sqrt(count), typical / (np.sqrt(count) * max(float(along.std()), 1e-6))
+        origin = middle - (middle @ direction) * direction
+        return cls(origin, direction, float(along.mean()), error, slope, (float(along.min()), float(along.max())))
+
+    def place(self, points: Array) -> Array:
+        """Points (n, 2) of the screen as x along the surface and z above it, shape (n, 2)."""
+        offset = points - self.origin
+        return np.column_stack([offset @ self.direction, offset @ self.normal])
+
+    def error_at(self, x: Array) -> Array:
+        """Standard error in m of the surface's height at x (n,)."""
+        return np.hypot(self.error, self.slope_error * (x - self.centre))
+
+
+def _best_pair(points: Array) -> tuple[Array, Array]:
+    """Direction and a point of the line through two of the points that most others lie close to."""
+    rng = np.random.default_rng(0)  # the same line for the same photograph, always
+    pairs = rng.integers(0, len(points), (300, 2))
+    way = points[pairs[:, 1]] - points[pairs[:, 0]]
+    length = np.linalg.norm(way, axis=1)
+    pairs, way, length = pairs[length > 0.0], way[length > 0.0], length[length > 0.0]
+    direction = way / length[:, None]
+    normal = np.column_stack([-direction[:, 1], direction[:, 0]])
+    offset = np.einsum("mi,mni->mn", normal, points[None, :, :] - points[pairs[:, 0]][:, None, :])
+    best = int(np.argmax((np.abs(offset) < STRAIGHT / 2).sum(axis=1)))
+    found = direction[best] if direction[best, 0] > 0.0 else -direction[best]
+    return found, points[pairs[best, 0]]

@@ -1,0 +1,267 @@
+"""Crossings of the grid measured in the photograph itself, from the four arms of each.
+
+Across an arm the line's place is its centre of darkness; a straight line through the places of both arms on either side
+carries the whole arms' precision into the crossing, whose own pixels (rounded by blur) are not used.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, median_filter
+
+from measurement.camera.camera import Camera, Points
+from measurement.screen.grid_error import FEWEST, GridError
+from measurement.screen.grid_lines import reduced
+from measurement.screen.plane import Plane, PlaneError
+
+ARM = (0.12, 0.44)
+"""Part of the way to the next crossing over which an arm is measured; its start keeps clear of the other line."""
+
+WIDEST = 0.32
+"""Largest half width of the window across a line, as a share of the pitch."""
+
+MOST_ROWS = 48
+"""Cuts across one arm, where it has so many pixels."""
+
+ENOUGH = 400
+"""Crossings beyond which more of them, picked at random, would only cost time."""
+
+
+def measure_crossings(
+    gray: NDArray[np.uint8], camera: Camera, lattice: Plane
+) -> tuple[Points, NDArray[np.int64], Points]:
+    """Measure every crossing of the lattice that lies in the picture.
+
+    Args:
+        gray: Photograph (h, w).
+        camera: The camera.
+        lattice: Rough plane whose metres are whole numbers of lines.
+
+    Returns:
+        Crossings (n, 2) in raw px, their whole numbers (n, 2) and standard errors (n,) in px.
+
+    Raises:
+        GridError: Too few crossings, or lines too faint or too blurred.
+    """
+    half, depth = _line_width(gray, camera, lattice)
+    plane = lattice
+    for last in (False, True):
+        nodes = _nodes(camera, plane)
+        ideal, indices, sigma = _measure(gray, camera, plane, nodes, half, depth)
+        if len(indices) < FEWEST or any(np.ptp(indices, axis=0) < 1):
+            raise GridError(f"only {len(indices)} crossings of the grid can be measured; at least {FEWEST} are needed")
+        if not last:
+            # Windows well centred on their lines cut off no darkness on one side.
+            try:
+                plane = Plane.fit(ideal, indices.astype(float))
+            except PlaneError:
+                raise GridError("the grid's crossings lie on one line; show more of the grid") from None
+    return camera.distort(ideal), indices, sigma
+
+
+def _nodes(camera: Camera, plane: Plane) -> NDArray[np.int64]:
+    """Whole numbers (n, 2) of the crossings that may be seen in the picture, `ENOUGH` of them at most."""
+    x, y = np.linspace(0, camera.width - 1, 12), np.linspace(0, camera.height - 1, 12)
+    rim = np.array([*((u, v) for u in x for v in (y[0], y[-1])), *((u, v) for v in y for u in (x[0], x[-1]))])
+    ideal = camera.undistort(rim)
+    reach = plane.to_metres(ideal[np.isfinite(ideal).all(axis=1)])
+    low, high = np.ceil(reach.min(axis=0)).astype(int), np.floor(reach.max(axis=0)).astype(int)
+    if np.prod(high - low + 1.0) > 20000.0:
+        raise GridError("the lines found make a grid finer than the picture can show; no regular grid can be seen")
+    i, j = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
+    nodes = np.column_stack([i.ravel(), j.ravel()])
+    seen = camera.distort(plane.to_pixels(nodes.astype(float)))
+    inside = np.all((seen > 2.0) & (seen < np.array([camera.width - 3.0, camera.height - 3.0])), axis=1)
+    seen_nodes = nodes[inside]
+    if len(seen_nodes) <= ENOUGH:
+        return seen_nodes
+    return seen_nodes[np.sort(np.random.default_rng(0).choice(len(seen_nodes), ENOUGH, replace=False))]
+
+
+def _profiles(
+    light: NDArray[np.float32], factor: int, camera: Camera, plane: Plane, node: NDArray[np.int64], axis: int,
+    along: Points, across: Points,
+) -> tuple[Points, Points, Points, Points, Points]:  # fmt: skip
+    """Brightness (rows, columns) on cuts across the arms along one axis of the lattice, and where they were cut.
+
+    Returns:
+        The cuts with NaN outside of the picture; the crossing's ideal px; the unit directions along and across the line;
+        the pitch in px for each cut.
+        ``along`` and ``across`` come in shares of the pitch and are laid out in ideal px.
+    """
+    direction = np.eye(2)[axis]
+    ends = plane.to_pixels(np.array([node, node + 0.5 * direction, node - 0.5 * direction], dtype=float))
+    unit = (ends[1] - ends[2]) / np.linalg.norm(ends[1] - ends[2])
+    normal = np.array([-unit[1], unit[0]])
+    # In perspective half a cell is longer on one side of the crossing than on the other.
+    lengths = np.where(along > 0, np.linalg.norm(ends[1] - ends[0]), np.linalg.norm(ends[2] - ends[0])) * 2.0
+    places = ends[0] + (along * lengths)[:, None, None] * unit + across[None, :, None] * normal
+    raw = (camera.distort(places.reshape(-1, 2)).reshape(places.shape) + 0.5) / factor - 0.5
+    height, width = light.shape
+    inside = (raw >= 0.0).all(axis=2) & (raw[..., 0] <= width - 1) & (raw[..., 1] <= height - 1)
+    shown = cv2.remap(light, raw[..., 0].astype(np.float32), raw[..., 1].astype(np.float32), cv2.INTER_LINEAR)
+    return np.where(inside, shown, np.nan), ends[0], unit, normal, lengths
+
+
+def _pitch_px(plane: Plane, node: NDArray[np.int64]) -> Points:
+    """Distance in px (2,) between the lines that run along the first and the second axis, measured across them."""
+    axes = np.linalg.inv(plane.jacobian(plane.to_pixels(node.astype(float)))[0])
+    area = abs(np.linalg.det(axes))
+    return area / np.linalg.norm(axes, axis=0)
+
+
+def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: Plane) -> tuple[float, float]:
+    """Half width of the window a line needs, as a share of the pitch, and the line's depth in the logarithm of light."""
+    nodes = _nodes(camera, lattice)
+    if len(nodes) < FEWEST:
+        raise GridError(f"only {len(nodes)} crossings of the grid are in the picture; at least {FEWEST} are needed")
+    shares = np.linspace(-0.6, 0.6, 241)
+    along = np.concatenate([np.linspace(*ARM, 8), -np.linspace(*ARM, 8)])
+    light = np.log(gray.astype(np.float32) + 4.0)
+    cuts: tuple[list[Points], list[Points]] = ([], [])
+    for node in nodes[:: max(1, len(nodes) // 60)]:
+        pitch = _pitch_px(lattice, node)
+        for axis in (0, 1):
+            shown, *_ = _profiles(light, 1, camera, lattice, node, axis, along, shares * pitch[axis])
+            for arm in (shown[:8], shown[8:]):
+                if np.isfinite(arm[:, np.abs(shares) < 0.45]).all():
+                    cuts[axis].append(_centred(arm.mean(axis=0), shares))
+    if min(len(cuts[0]), len(cuts[1])) < 2:
+        raise GridError("too few arms of the grid's crossings are in the picture; show more of the grid")
+    for axis in (0, 1):
+        _check_between(_typical(cuts[axis]), shares)
+    mean = _typical([*cuts[0], *cuts[1]])[np.abs(shares) < 0.45]
+    shares = shares[np.abs(shares) < 0.45]
+    middle_of = len(shares) // 2
+    level = float(np.nanpercentile(mean, 75))
+    middle = np.abs(shares) < 0.03
+    depth = level - float(np.nanmin(mean[middle]))
+    if not depth > 0.02:
+        raise GridError("the grid's lines are too faint or too blurred to be measured")
+    dark = np.flatnonzero(~(mean < level - 0.5 * depth))
+    width = (
+        shares[dark[dark > middle_of].min()] - shares[dark[dark < middle_of].max()]
+        if (dark > middle_of).any() and (dark < middle_of).any()
+        else 1.0
+    )
+    if width > 0.3:
+        raise GridError("the grid's lines are too wide or too blurred to be told from the screen between them")
+    return float(np.clip(1.3 * width, 0.03, WIDEST)), depth
+
+
+def _typical(cuts: list[Points]) -> Points:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # places that no cut reaches stay NaN
+        return np.nanmedian(cuts, axis=0)
+
+
+def _check_between(mean: Points, shares: Points) -> None:
+    """Refuse a lattice with lines half way between its lines: every second one was missed."""
+    own = np.nanmin(mean[np.abs(shares) < 0.05])
+    screen = np.nanmedian(mean[(np.abs(shares) > 0.2) & (np.abs(shares) < 0.4)])
+    half_way = mean[np.abs(np.abs(shares) - 0.5) < 0.06]
+    between = np.min(half_way[np.isfinite(half_way)], initial=np.inf)
+    if screen - between > 0.5 * (screen - own) > 0.0:
+        raise GridError(
+            "the lines can be counted in more than one way: there are lines between those that were counted"
+        )
+
+
+def _centred(cut: Points, shares: Points) -> Points:
+    """The cut moved so that its darkest place within reach of the rough lattice lies in the middle."""
+    smooth = np.convolve(np.where(np.isfinite(cut), cut, np.inf), np.ones(7) / 7, mode="same")
+    reach = np.abs(shares) < 0.15
+    moved = int(np.flatnonzero(reach)[np.argmin(smooth[reach])] - len(shares) // 2)
+    return np.interp(np.arange(len(cut)) + moved, np.arange(len(cut)), cut, left=np.nan, right=np.nan) - np.nanmedian(
+        cut
+    )
+
+
+def _measure(
+    gray: NDArray[np.uint8], camera: Camera, plane: Plane, nodes: NDArray[np.int64], half: float, depth: float
+) -> tuple[Points, NDArray[np.int64], Points]:
+    spacing = float(np.median([_pitch_px(plane, node) for node in nodes]))
+    # Eight pixels over the line are enough to find its centre, and their means hold all the light there is.
+    factor = max(1, int(half * spacing / 8.0))
+    light = np.log(reduced(gray, factor) + 4.0)
+    found, numbers, errors = [], [], []
+    for node in nodes:
+        pitch = _pitch_px(plane, node)
+        fits = []
+        for axis in (0, 1):
+            rows = int(np.clip((ARM[1] - ARM[0]) * pitch[1 - axis] / factor, 4, MOST_ROWS))
+            along = np.concatenate([-np.linspace(ARM[1], ARM[0], rows), np.linspace(*ARM, rows)])
+            reach = max(half * pitch[axis], 2.5)
+            # Three samples a pixel: with one, a sharp line's centre of darkness depends on where the samples fall.
+            columns = 2 * int(np.clip(3.0 * reach / factor, 8, 60)) + 1
+            across = np.linspace(-reach, reach, columns)
+            shown, centre, unit, normal, lengths = _profiles(light, factor, camera, plane, node, axis, along, across)
+            fits.append((_fit_line(shown, across, along * lengths, depth), centre, unit, normal))
+        if any(fit[0] is None for fit in fits):
+            continue
+        point, error = _cross(fits)
+        if np.isfinite(point).all() and error < 0.02 * spacing:
+            found.append(point)
+            numbers.append(node)
+            errors.append(error)
+    return np.array(found).reshape(-1, 2), np.array(numbers, dtype=int).reshape(-1, 2), np.array(errors)
+
+
+def _fit_line(shown: Points, across: Points, along: Points, depth: float) -> tuple[float, float, float] | None:
+    """Offset (px) and slope of the line through the cuts' centres, and the offset's standard error."""
+    edge = max(1, len(across) // 6)
+    left, right = shown[:, :edge].mean(axis=1), shown[:, -edge:].mean(axis=1)
+    outer = np.abs(across[0]) - (edge - 1) / 2 * (across[1] - across[0])
+    ground = (left + right)[:, None] / 2 + (right - left)[:, None] / 2 * (across / outer)
+    dark = ground - shown
+    dip = dark[:, np.abs(across) <= np.abs(across[0]) / 3].mean(axis=1)
+    # A cut must show this grid's line, with about the same light on both of its sides: no edge of a shadow, no dust.
+    good = np.isfinite(dip) & (dip > 0.35 * depth) & (dip < 1.6 * depth) & ~_shaded(left - right, depth)
+    if good.sum() < max(4, 0.4 * len(along)):
+        return None
+    places = np.full(len(along), np.nan)
+    places[good] = (dark[good] @ across) / dark[good].sum(axis=1)
+    good &= np.abs(places) < 0.8 * np.abs(across[0])
+    for _ in range(4):
+        if good.sum() < max(4, 0.35 * len(along)):
+            return None
+        design = np.column_stack([np.ones(good.sum()), along[good]])
+        answer = np.linalg.lstsq(design, places[good])[0]
+        missed = places - answer[0] - answer[1] * along
+        spread = 1.4826 * float(np.median(np.abs(missed[good]))) + 1e-3
+        wanted = good & (np.abs(missed) < 3.5 * spread)
+        if np.array_equal(wanted, good):
+            break
+        good = wanted
+    design = np.column_stack([np.ones(good.sum()), along[good]])
+    variance = float(np.sum(missed[good] ** 2)) / max(1, good.sum() - 2)
+    error = np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0])
+    return float(answer[0]), float(answer[1]), float(error)
+
+
+def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
+    """Cuts whose sides differ in brightness because an edge of the shadow or dust is near, and the cuts beside them."""
+    known = np.isfinite(difference)
+    if not known.any():
+        return ~known
+    # The sides are compared over seven cuts at once, and no more strictly than noise allows.
+    smooth = median_filter(np.where(known, difference, np.inf), size=7, mode="nearest")
+    noise = 1.4826 * float(np.median(np.abs(difference[known] - np.median(difference[known])))) / np.sqrt(7.0)
+    return maximum_filter(np.abs(smooth) > np.clip(4.0 * noise, 0.06 * depth, 0.35 * depth), size=5, mode="nearest")
+
+
+def _cross(fits: list) -> tuple[Points, float]:
+    """Where the two fitted lines of a crossing meet (ideal px), and its standard error per axis."""
+    rows, right, errors = [], [], []
+    for (offset, slope, error), centre, unit, normal in fits:
+        tilted = normal - unit * slope
+        rows.append(tilted)
+        right.append(tilted @ centre + offset)
+        errors.append(error)
+    system = np.array(rows)
+    back = np.linalg.inv(system)
+    return back @ np.array(right), float(np.sqrt(np.sum((back * np.array(errors)) ** 2) / 2.0))

@@ -1,0 +1,251 @@
+"""One photograph in, one outline or one reason out.
+
+A wrong answer that is called good is the worst that can happen here, so everything that would make an edge mean something
+else than the actuator's surface ends in a `Refusal`, and what merely weakens it makes the outline untrusted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from measurement.camera.pixels import Unmeasurable
+from measurement.edge.smoothing import SPAN
+from measurement.edge.tracing import AUTO, FEWEST_POINTS, Traced, trace
+from measurement.outline.outline import Outline, OutlineError
+from measurement.outline.ripples import check_ripples, unsure
+from measurement.outline.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
+from measurement.outline.sides import BAND, sides_of
+from measurement.outline.zero import ZeroLine
+from measurement.screen.setup import Setup
+
+Array = npt.NDArray[np.float64]
+
+BELOW = 4.0
+"""Standard errors that a point may lie below the surface and still be on it."""
+
+RIM = 150e-6
+"""Height in m up to which the shadow may meet the frame: a flat surface runs out of the picture, an actuator must not."""
+
+READING = 0.1
+"""Movement in px that the grid's lines can tell from none."""
+
+SIDE = 0.5
+"""Cosine of the angle to the surface from which an edge is the body's side."""
+
+GAP, LARGEST_GAP = 1e-3, 4e-3
+"""Missing length of edge in m that makes an outline untrusted, and that makes it none."""
+
+TOP_GAP = 0.5e-3
+"""Missing length of edge in m that makes an outline untrusted where its highest place may lie in it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Refusal:
+    """A photograph that was not measured.
+
+    Attributes:
+        reason: Why, as a sentence for the user.
+        file: The photograph.
+    """
+
+    reason: str
+    file: Path
+
+
+def measure(
+    file: Path, setup: Setup, zero: ZeroLine, pressure: float, pressure_error: float, tone: str = AUTO
+) -> Outline | Refusal:
+    """Measure the outline of the shadow in one photograph.
+
+    Args:
+        file: The photograph.
+        setup: Camera and screen.
+        zero: The undeformed surface.
+        pressure: Pressure in Pa.
+        pressure_error: Its standard error in Pa.
+        tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
+    """
+    try:
+        traced = trace(file, setup, tone, zero.tone)
+        return outline_of(traced, setup, zero, pressure, pressure_error, Path(file).name)
+    except Unmeasurable as error:
+        return Refusal(str(error), Path(file))
+
+
+def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
+    """The undeformed surface from the photograph at zero pressure.
+
+    Raises:
+        Unmeasurable: The photograph cannot be measured, or shows no straight surface.
+    """
+    return zero_of(trace(file, setup, tone), setup)
+
+
+def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
+    """`find_zero` of an edge that has been traced already."""
+    errors = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
+    seen = ~traced.bridged
+    line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
+    sides = sides_of(line.place(traced.points[seen]), traced.normals[seen] @ line.normal, errors[seen])
+    return dataclasses.replace(line, tone=traced.tone, doubts=traced.doubts, sides=sides)
+
+
+def outline_of(
+    traced: Traced, setup: Setup, zero: ZeroLine, pressure: float, pressure_error: float, source: str
+) -> Outline:
+    """The outline above the surface.
+
+    Raises:
+        Unmeasurable: What is seen is no outline of an actuator on this surface.
+    """
+    placed = zero.place(traced.points)
+    error = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
+    error = np.hypot(error, zero.error_at(placed[:, 0]) * np.abs(traced.normals @ zero.normal))
+    if np.isfinite(traced.moved):
+        # What the grid's own reading leaves uncertain is in the plane's error already; only more than that has moved.
+        error = np.hypot(error, np.sqrt(max(0.0, traced.moved**2 - (READING * traced.scale) ** 2)))
+    _check_rim(traced, zero)
+    above = placed[:, 1] > -np.maximum(BELOW * error, ON_SURFACE)
+    if above.sum() < FEWEST_POINTS:
+        raise Unmeasurable(
+            "the shadow lies below the surface at zero pressure: the actuator has moved, or the zero is wrong"
+        )
+    upwards = traced.normals @ zero.normal
+    check_top(placed, above, upwards, error)
+    reasons = list(traced.doubts)
+    sunk, moved, doubt = displacement(placed, upwards, error, zero)
+    error = np.hypot(error, moved)
+    scale, spread = _scale(placed, upwards, error, traced.bridged, zero)
+    error = np.hypot(error, spread * np.abs(placed[:, 1]))
+    raw = zero.place(setup.to_metres(traced.edge.px))
+    error = np.hypot(error, unsure(raw))
+    doubts = [doubt, check_corners(raw), check_ripples(raw), check_width(placed, error, zero)]
+    doubts.append(check_clear(placed[above], error[above]))
+    reasons += [doubt for doubt in doubts if doubt is not None]
+    sunken = ~above & ~traced.bridged
+    above &= ~_rounded(placed, upwards)
+    if above.sum() < FEWEST_POINTS:
+        raise Unmeasurable("between the body's two sides too little of its surface is seen")
+    kept = np.nonzero(above)[0]
+    first, last = kept[0], kept[-1]
+    reasons += [f"of the zero plane's photograph: {doubt}" for doubt in zero.doubts]
+    if zero.tone and zero.tone != traced.tone:
+        reasons.append(
+            f"it seems to store light as {traced.tone} where the zero plane's photograph has {zero.tone}; tell which it is "
+            "with --tone"
+        )
+    inner = slice(first, last + 1)
+    # A surface that has sunk as a whole, or beside the bulge, is no dent.
+    _check_dents(placed[inner], sunken[inner] & (placed[inner, 1] < -ON_SURFACE - 2.0 * max(sunk, 0.0)))
+    reasons += _gaps(placed[inner], error[inner], above[inner], traced.bridged[inner], traced.doubts)
+    overhang = _overhang(placed[kept], error[kept])
+    if overhang > 0.01:
+        reasons.append(f"{overhang:.0%} of the outline overhangs, which heights over x cannot show")
+    if setup.grid_pitch is None:
+        reasons.append("without a grid in the setup nothing tells whether the camera has moved")
+    order = kept[np.argsort(placed[kept, 0], kind="stable")]
+    try:
+        return Outline(
+            placed[order, 0],
+            placed[order, 1],
+            error[order],
+            pressure,
+            pressure_error,
+            source,
+            not reasons,
+            tuple(reasons),
+            sunk,
+            scale,
+            traced.bridged[order],
+        )
+    except OutlineError as problem:
+        raise Unmeasurable(str(problem)) from None
+
+
+def _check_rim(traced: Traced, zero: ZeroLine) -> None:
+    if not len(traced.rim):
+        return
+    height = zero.place(traced.rim)[:, 1]
+    # The rim is known to a pixel of the small version only.
+    coarse = float(np.median(np.linalg.norm(np.diff(traced.rim, axis=0), axis=1))) if len(traced.rim) > 1 else 0.0
+    if height.max() > RIM + 2.0 * coarse:
+        raise Unmeasurable(
+            f"the shadow touches the frame or the region of interest {height.max() * 1e3:.1f} mm above the surface"
+        )
+
+
+def _scale(
+    placed: Array, upwards: Array, error: Array, bridged: npt.NDArray[np.bool_], zero: ZeroLine
+) -> tuple[float, float]:
+    """The body's width over that at zero pressure, NaN where it is not seen, and the heights' relative error by it."""
+    seen = ~bridged
+    sides = sides_of(placed[seen], upwards[seen], error[seen])
+    if sides is None or zero.sides is None or abs(sides.depth - zero.sides.depth) > BAND:
+        return np.nan, 0.0
+    scale = sides.width_at(zero.sides.depth) / zero.sides.width
+    own = np.hypot(sides.error, zero.sides.error) / zero.sides.width
+    return scale, float(np.sqrt(max(0.0, (scale - 1.0) ** 2 - (2.0 * own) ** 2)))
+
+
+def _rounded(placed: Array, upwards: Array) -> npt.NDArray[np.bool_]:
+    """Points (n,) of the surface so near to the body's side that smoothing has rounded the corner between the two."""
+    side = (upwards < SIDE).astype(np.uint8)
+    near = np.convolve(side, np.ones(SPAN + 5, dtype=np.uint8), mode="same") > 0
+    return near & (np.abs(placed[:, 1]) < 3.0 * ON_SURFACE)
+
+
+def _check_dents(placed: Array, sunken: npt.NDArray[np.bool_]) -> None:
+    """Refuse a surface that lies below the undeformed one between places where it does not."""
+    ends = np.flatnonzero(np.diff(np.r_[False, sunken, False].astype(int)))
+    for start, stop in ends.reshape(-1, 2):
+        length = float(np.ptp(placed[start:stop, 0]))
+        if length > GAP:
+            raise Unmeasurable(
+                f"over {length * 1e3:.1f} mm the surface lies up to {-placed[start:stop, 1].min() * 1e3:.2f} mm below the "
+                "undeformed one: it is dented or drawn in; only what rises above that surface is measured"
+            )
+
+
+def _gaps(
+    placed: Array, error: Array, above: npt.NDArray[np.bool_], bridged: npt.NDArray[np.bool_], doubts: tuple[str, ...]
+) -> list[str]:
+    """What speaks against an outline that was not measured everywhere.
+
+    Args:
+        placed: Edge as x along the surface and z above it in m, in order, shape (n, 2).
+        error: Standard errors in m, shape (n,).
+        above: Which points do not lie below the surface, shape (n,).
+        bridged: Which points were not measured, shape (n,).
+        doubts: What else speaks against it, which may tell why something is missing.
+
+    Raises:
+        Unmeasurable: Too much is missing.
+    """
+    seen = np.flatnonzero(~bridged)
+    lengths = np.linalg.norm(np.diff(placed[seen], axis=0), axis=1)
+    lengths[~(above[seen[1:]] | above[seen[:-1]])] = 0.0
+    if lengths.max(initial=0.0) > LARGEST_GAP:
+        words = f"the outline has a gap of {lengths.max() * 1e3:.1f} mm where no edge is clear"
+        raise Unmeasurable("; ".join([words, *doubts]))
+    top = int(np.argmax(placed[:, 1]))
+    found = []
+    for at in np.flatnonzero(lengths > TOP_GAP):
+        first, last = seen[at], seen[at + 1]
+        words = f"the outline has a gap of {lengths[at] * 1e3:.1f} mm where no edge is clear"
+        reach = placed[first : last + 1, 1] + 2.0 * error[first : last + 1]
+        if placed[top, 1] > 3.0 * ON_SURFACE and reach.max() > placed[top, 1]:
+            found.append(f"{words}, and its highest place may lie in it")
+        elif lengths[at] > GAP:
+            found.append(words)
+    return found
+
+
+def _overhang(placed: Array, error: Array) -> float:
+    """Share of the points from which the outline runs back."""
+    step = np.diff(placed[:, 0])
+    forward = step if np.median(step) > 0.0 else -step
+    return float(np.mean((forward < -2.0 * np.minimum(error[1:], error[:-1])) & (placed[1:, 1] > ON_SURFACE)))

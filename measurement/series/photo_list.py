@@ -1,0 +1,190 @@
+"""The list of photographs, ``photos.csv``: which file was taken at which pressure.
+
+Columns: ``file``; ``pressure`` with its unit, or ``left`` and ``right``, the levels of the two tubes; optionally ``error``.
+A file is named relative to the list, or by the number its camera gave it: 5965 finds IMG_5965.JPG.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import dataclasses
+import os
+import re
+from pathlib import Path
+
+from measurement.reasons import reason
+from measurement.series.column import Column, ColumnError
+
+KNOWN = ("file", "pressure", "left", "right", "error")
+PICTURES = (
+    *(".jpg", ".jpeg", ".mpo", ".png", ".tif", ".tiff", ".heic", ".heif", ".hif"),
+    *(".avif", ".webp", ".jp2", ".bmp", ".ppm", ".pgm", ".gif"),
+)
+
+
+class PhotoListError(ValueError):
+    """A list of photographs that cannot be used; the message is a sentence for the user naming the row."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Photograph:
+    """One row of the list.
+
+    Attributes:
+        file: The photograph; it need not exist, that is found out when it is measured.
+        pressure: Pressure in Pa.
+        pressure_error: Its standard error in Pa.
+    """
+
+    file: Path
+    pressure: float
+    pressure_error: float
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether its pressure does not differ from zero by more than twice its error."""
+        return abs(self.pressure) <= 2.0 * self.pressure_error
+
+
+def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
+    """Read a list of photographs.
+
+    Args:
+        path: The CSV file; ``;`` may stand for ``,``.
+        column: The water column that its lengths were read from.
+
+    Returns:
+        One entry per row, in the file's order.
+
+    Raises:
+        PhotoListError: No such file, no or unknown columns, no rows, or a row that cannot be read, with its number.
+    """
+    path, column = Path(path), column or Column()
+    lines = [(number, line) for number, line in enumerate(_text(path).splitlines(), 1) if line.strip(" \t;,")]
+    plain = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]
+    if not plain:
+        raise PhotoListError(
+            f"the list of photographs {path} is empty; its first line must be file,pressure or the like"
+        )
+    separator = next((mark for mark in ";\t" if mark in plain[0][1]), ",")
+    _check_comments(path, [row for row in lines if row not in plain], separator)
+    try:
+        header = [word.lower() for word in _words(plain[0][1], separator)]
+    except PhotoListError as error:
+        raise PhotoListError(f"{path}, line {plain[0][0]}: {error}") from None
+    while header and not header[-1]:  # spreadsheets keep the empty columns they once showed
+        header.pop()
+    _check_header(path, header)
+    photographs: list[Photograph] = []
+    known: dict[str, str] = {}
+    for number, line in plain[1:]:
+        try:
+            words = _words(line, separator)
+            photo = _photograph(path.parent, header, words, column)
+        except (ColumnError, PhotoListError) as error:
+            raise PhotoListError(f"{path}, line {number}: {error}") from None
+        same = known.setdefault(os.path.realpath(photo.file), photo.file.name)
+        if same != photo.file.name or photo.file in [earlier.file for earlier in photographs]:
+            also = "" if same == photo.file.name else f", also as {same}"
+            raise PhotoListError(f"{path}, line {number}: {photo.file.name} stands in the list twice{also}")
+        photographs.append(photo)
+    if not photographs:
+        raise PhotoListError(f"the list of photographs {path} has no rows under its header")
+    return photographs
+
+
+def _text(path: Path) -> str:
+    """The list's text: UTF-8, or the UTF-16 that spreadsheets call Unicode text."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise PhotoListError(f"the list of photographs {path} cannot be read: {reason(error)}") from None
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        text = data.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise PhotoListError(
+            f"the list of photographs {path} cannot be read: line {line} is no UTF-8 text; save it as CSV UTF-8"
+        ) from None
+    if "\0" in text:
+        raise PhotoListError(f"the list of photographs {path} cannot be read: it holds NUL bytes and is no text")
+    return text
+
+
+def _words(line: str, separator: str) -> list[str]:
+    try:
+        return [word.strip() for word in next(csv.reader([line], delimiter=separator))]
+    except csv.Error as error:
+        raise PhotoListError(f"it is no row of a CSV file ({error})") from None
+
+
+def _check_comments(path: Path, comments: list[tuple[int, str]], separator: str) -> None:
+    """Refuse a line that may be meant as a comment or as the row of a photograph whose name begins with #."""
+    for number, line in comments:
+        name = line.strip().partition(separator)[0].strip()
+        if len(name) > 1 and _there(path.parent / name):
+            raise PhotoListError(
+                f"{path}, line {number}: # begins a comment, but there is a photograph {name}; write ./{name} to "
+                "list it, or a space after the # to leave it out"
+            )
+
+
+def _there(file: Path) -> bool:
+    """Whether there is such a file or folder; a name that no system takes is none."""
+    try:
+        return file.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def _pictures(folder: Path) -> list[Path]:
+    """Pictures in a folder by name; none where there is no such folder or nobody may look into it."""
+    try:
+        return sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES)
+    except (OSError, ValueError):
+        return []
+
+
+def _check_header(path: Path, header: list[str]) -> None:
+    for name in header:
+        if name not in KNOWN:
+            raise PhotoListError(f"{path}: column {name!r} is not known; the columns are {', '.join(KNOWN)}")
+        if header.count(name) > 1:
+            raise PhotoListError(f"{path}: column {name!r} stands in the header twice")
+    if "file" not in header:
+        raise PhotoListError(f"{path} has no column 'file' in its first line")
+    if ("pressure" in header) == ("left" in header or "right" in header):
+        raise PhotoListError(f"{path} needs either a column 'pressure' or the two columns 'left' and 'right'")
+    if ("left" in header) != ("right" in header):
+        raise PhotoListError(f"{path} has the level of one tube only; it needs both columns 'left' and 'right'")
+
+
+def _photograph(folder: Path, header: list[str], words: list[str], column: Column) -> Photograph:
+    if len(words) < len(header) or any(words[len(header) :]):
+        more = "; a comma parts columns here, and decimals have a point" if len(words) > len(header) else ""
+        raise PhotoListError(f"{len(words)} values in the row, {len(header)} columns in the header{more}")
+    row = dict(zip(header, words, strict=False))
+    if not row["file"]:
+        raise PhotoListError("the row names no file")
+    error = row.get("error", "")
+    if "pressure" in row:
+        pressure, pressure_error = column.read(row["pressure"], error)
+    else:
+        pressure, pressure_error = column.read_tubes(row["left"], row["right"], error)
+    return Photograph(_find(folder, row["file"]), pressure, pressure_error)
+
+
+def _find(folder: Path, name: str) -> Path:
+    """The file of this name, of this name in other letters (cameras shout), or of this number."""
+    path = folder / name
+    if _there(path):
+        return path
+    files = _pictures(path.parent)
+    same = [file for file in files if file.name.lower() == path.name.lower()]
+    if not same and re.fullmatch(r"[0-9]+", name):
+        same = [file for file in files if re.search(rf"(?<![0-9])0*{name.lstrip('0')}$", file.stem)]
+    if len(same) > 1:
+        raise PhotoListError(f"{name} fits several files: {', '.join(file.name for file in same)}")
+    return same[0] if same else path

@@ -1,0 +1,260 @@
+"""A run's photographs as each other's witnesses: heights against pressures over the whole series.
+
+What is wrong with a photograph cannot always be seen in it: a copy listed at another pressure, a pressure misread by a factor
+of ten, two rows swapped, an actuator that was not let down for a second photograph at zero. It stands out from the others.
+The list's order is the experiment's: a photograph that follows a higher one at a higher pressure may have been taken while
+the pressure was let down, and lies then between the course upwards and `LAG` below it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from measurement.outline.outline import Outline
+from measurement.outline.shape import ON_SURFACE
+from measurement.series.course import Course
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+FEWEST = 4
+"""Photographs, one at zero among them, from which there is a course to compare with."""
+
+CHANCE = 1e-3
+"""Probability that a good photograph is as far off, below which one is not trusted."""
+
+FITS = 0.01
+"""The same from which another pressure explains a photograph."""
+
+SHARE = 4
+"""At most every so manieth photograph is taken for wrong before the course is looked for through the others."""
+
+LAG = 0.5
+"""Greatest share of the pressure by which a height is kept at less while a soft body is let down."""
+
+TURNS = 4
+"""Turns between rising and falling pressure beyond which the list's order tells nothing of the experiment's."""
+
+CLEAR = 3.0
+"""Standard errors from which a difference is one."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Readings:
+    """Pressures and heights of a run in the list's order, all shapes (n,).
+
+    Attributes:
+        names: Names of the photographs.
+        pressures: In Pa.
+        pressure_errors: Their standard errors in Pa.
+        heights: In m.
+        height_errors: Their standard errors in m.
+    """
+
+    names: list[str]
+    pressures: Array
+    pressure_errors: Array
+    heights: Array
+    height_errors: Array
+
+    @classmethod
+    def of(cls, outlines: list[Outline]) -> Readings:
+        """Those of some outlines."""
+        columns = ("pressure", "pressure_error", "height", "height_error")
+        values = [np.array([getattr(outline, name) for outline in outlines], dtype=float) for name in columns]
+        return cls([outline.source for outline in outlines], *values)
+
+    def __getitem__(self, chosen: Flags) -> Readings:
+        names = [name for name, take in zip(self.names, chosen, strict=True) if take]
+        return Readings(
+            names,
+            self.pressures[chosen],
+            self.pressure_errors[chosen],
+            self.heights[chosen],
+            self.height_errors[chosen],
+        )
+
+    @property
+    def is_zero(self) -> Flags:
+        """Those whose pressure does not differ from zero, as `photo_list.Photograph.is_zero` has it."""
+        return np.abs(self.pressures) <= 2.0 * self.pressure_errors
+
+    @property
+    def course(self) -> Course:
+        """The course through them and, where none is at zero, the zero plane itself."""
+        parts = [self.heights, self.pressures, self.height_errors, self.pressure_errors]
+        if not self.is_zero.any():
+            least = float(self.pressure_errors.min())
+            parts = [np.append(part, value) for part, value in zip(parts, (0.0, 0.0, 0.0, least), strict=True)]
+        return Course.through(*parts)
+
+
+def doubts(outlines: list[Outline]) -> list[str | None]:
+    """What speaks against each outline of a run by the others; None where nothing does, or it is not trusted already.
+
+    Args:
+        outlines: Those above one zero plane, in the list's order.
+    """
+    found: list[str | None] = [None] * len(outlines)
+    trusted = [k for k, outline in enumerate(outlines) if outline.trusted]
+    if not trusted:
+        return found
+    run = Readings.of([outlines[k] for k in trusted])
+    told = _signs(run)
+    told.update({k: why for k, why in _risen_zeros(run).items() if k not in told})
+    good = np.array([k not in told for k in range(len(trusted))])
+    numbers = np.nonzero(good)[0]
+    told.update({int(numbers[k]): why for k, why in _strangers(run[good]).items()})
+    for k, why in told.items():
+        found[trusted[k]] = why
+    return found
+
+
+def course_of(outlines: list[Outline]) -> Course | None:
+    """The course through the trusted outlines of a run; None where they are too few or do not rise."""
+    run = Readings.of([outline for outline in outlines if outline.trusted])
+    return run.course if _tells(run) else None
+
+
+def _tells(run: Readings) -> bool:
+    return len(run.names) >= FEWEST and float(run.heights.max()) > max(
+        10.0 * float(np.median(run.height_errors)), ON_SURFACE
+    )
+
+
+def _signs(run: Readings) -> dict[int, str]:
+    """Photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
+    found = {}
+    for k in np.nonzero(run.pressures < -CLEAR * run.pressure_errors)[0]:
+        risen = run.heights[k] > CLEAR * run.height_errors[k] + ON_SURFACE
+        why = (
+            f"and its outline rises by {run.heights[k] * 1e3:.2f} mm: the sign is wrong, or the two tubes are swapped"
+            if risen
+            else "and suction draws the surface in, where a shadow from the side cannot show it"
+        )
+        found[int(k)] = f"its pressure is below zero ({run.pressures[k]:.0f} Pa), {why}"
+    return found
+
+
+def _risen_zeros(run: Readings) -> dict[int, str]:
+    """Photographs at zero pressure whose outline does not lie in the zero plane."""
+    raised = (run.pressures > 0.0) & ~run.is_zero
+    # The lowest pressures tell best how far the reading's error may lift a surface at zero.
+    lowest = np.nonzero(raised)[0][np.argsort(run.pressures[raised])][:3]
+    slope = float(np.median(run.heights[lowest] / run.pressures[lowest])) if len(lowest) else 0.0
+    pressure = np.abs(run.pressures) + CLEAR * run.pressure_errors
+    allowed = ON_SURFACE + CLEAR * run.height_errors + max(slope, 0.0) * pressure
+    return {
+        int(
+            k
+        ): f"at zero pressure its outline rises {run.heights[k] * 1e3:.2f} mm above the zero plane: it was taken at another "
+        "pressure, the actuator was not let down or has kept a set, or was moved"
+        for k in np.nonzero(run.is_zero & (run.heights > allowed))[0]
+    }
+
+
+def _strangers(run: Readings) -> dict[int, str]:
+    """Photographs that the others contradict, each with what the others lead one to expect."""
+    if not _tells(run):
+        return {}
+    later = _let_down(run)
+    together = _outliers(run)
+    odd = together
+    if later.any() and (~later).sum() >= FEWEST:
+        first = np.nonzero(~later)[0]
+        odd = np.zeros(len(later), dtype=bool)
+        odd[first[_outliers(run[~later])]] = True
+        odd |= later & together & ~_lagging(run, run[~later & ~odd].course)
+    return _named(run, odd)
+
+
+def _let_down(run: Readings) -> Flags:
+    """Photographs that follow a higher one at a higher pressure; none where the list's order is not the experiment's."""
+    steps = np.sign(np.diff(run.pressures))
+    steps = steps[steps != 0.0]
+    if np.sum(steps[1:] != steps[:-1]) > TURNS:
+        return np.zeros(len(run.names), dtype=bool)
+    earlier = np.tri(len(run.names), k=-1, dtype=bool)
+    above = run.pressures[None, :] - run.pressures[:, None] > CLEAR * run.pressure_errors[:, None]
+    higher = run.heights[None, :] - run.heights[:, None] > CLEAR * run.height_errors[:, None]
+    return np.any(earlier & above & higher, axis=1)
+
+
+def _lagging(run: Readings, course: Course) -> Flags:
+    """Whether each may have been taken while the pressure was let down, by the course upwards."""
+    upwards, spread, _ = course.at(run.heights, run.pressure_errors)
+    return (run.pressures < upwards + CLEAR * spread) & (run.pressures > (1.0 - LAG) * upwards - CLEAR * spread)
+
+
+def _outliers(run: Readings) -> Flags:
+    """Photographs that the others contradict.
+
+    Several wrong ones hide each other, so the least likely are put aside one after the other first, likely or not, and are
+    taken back, the likeliest first, as long as the course through the others allows.
+    """
+    kept = np.ones(len(run.names), dtype=bool)
+    judged = ~run.is_zero | (run.heights > ON_SURFACE)
+    for _ in range(max(1, len(kept) // SHARE)):
+        if kept.sum() < FEWEST:
+            break
+        part = run[kept]
+        tails = part.course.left_out()[2][: len(part.names)]
+        tails = np.where(judged[kept], tails, np.inf)
+        if not np.isfinite(tails).any():
+            break
+        kept[np.nonzero(kept)[0][int(np.argmin(tails))]] = False
+    while not kept.all():
+        aside = np.nonzero(~kept)[0]
+        tails = _tails(run, run[kept].course, aside, run.pressures[aside])
+        likeliest = int(np.argmax(tails))
+        if tails[likeliest] < CHANCE:
+            break
+        kept[aside[likeliest]] = True
+    return ~kept
+
+
+def _tails(run: Readings, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
+    """Probabilities that good photographs of these heights are as far off as at these pressures (k,) in Pa."""
+    errors = np.hypot(run.pressure_errors[numbers], course.slope(run.heights[numbers]) * run.height_errors[numbers])
+    table = course.at(run.heights[numbers], errors)[2]
+    return course.tail(table, pressures)
+
+
+def _named(run: Readings, odd: Flags) -> dict[int, str]:
+    """A sentence for each photograph that is odd."""
+    if not odd.any():
+        return {}
+    course = run[~odd].course
+    numbers = np.nonzero(odd)[0]
+    found = {}
+    for k in numbers:
+        pressure, height = float(run.pressures[k]), float(run.heights[k])
+        expected, spread, _ = course.at(np.array([height]), run.pressure_errors[[k]])
+        at = course.height(pressure, height)
+        there = f"{expected[0]:.0f} +- {spread[0]:.0f} Pa at its height"
+        why = (
+            f"the other photographs lead one to expect {at[0] * 1e3:.2f} +- {at[1] * 1e3:.2f} mm at its pressure in place of "
+            f"{height * 1e3:.2f} mm, and {there}"
+            if at
+            else f"its pressure lies beyond the course of the other photographs, which lead one to expect {there}"
+        )
+        found[int(k)] = why + _cause(run, course, int(k), numbers)
+    return found
+
+
+def _cause(run: Readings, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
+    """What would explain an odd photograph; empty if nothing simple does."""
+    here = np.array([k])
+    for factor, word in ((10.0, "a tenth of what it was"), (0.1, "ten times what it was")):
+        if _tails(run, course, here, run.pressures[here] * factor)[0] > FITS:
+            return f": the pressure in the list may be {word}"
+    for other in odd:
+        if other == k:
+            continue
+        pair = np.array([k, other])
+        if (_tails(run, course, pair, run.pressures[pair[::-1]]) > FITS).all():
+            return f": its row and that of {run.names[other]} may be swapped"
+    return ""
