@@ -7,7 +7,7 @@ Every device is a frozen dataclass in SI units. Its ``write`` makes a second-ord
     HollowDisk(membrane=0.004).write("disk.msh")
 
 The same from a shell is ``python -m geometries HollowDisk --membrane 4mm -o disk.msh``. A new device is one subclass of
-`Actuator` and one line in `ACTUATORS`; command lines and settings files find it there.
+`Actuator`, here or in a file of one's own; with `register` above it, command lines and settings files find it by its name.
 """
 
 import contextlib
@@ -21,14 +21,8 @@ with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullconte
     from geometries.disk import HollowDisk
     from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
     from geometries.imported import ImportedActuator
+    from geometries.registry import ACTUATORS, register
     from geometries.seminar import SeminarActuator
-
-ACTUATORS: dict[str, type[Actuator]] = {
-    "HollowDisk": HollowDisk,
-    "SeminarActuator": SeminarActuator,
-    "ImportedActuator": ImportedActuator,
-}
-"""Every device by the name used in settings files and on command lines."""
 
 __all__ = [
     "ACTUATORS",
@@ -42,4 +36,5 @@ __all__ = [
     "MeshingError",
     "MeshingStopped",
     "SeminarActuator",
+    "register",
 ]

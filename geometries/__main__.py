@@ -20,7 +20,17 @@ with stoppable("geometries"):
     from measurement.running import run_command
 
 
-@click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+class Devices(click.Group):
+    """A command for every registered device, made when it is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(ACTUATORS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        return _command(cmd_name, ACTUATORS[cmd_name]) if cmd_name in ACTUATORS else None
+
+
+@click.group(cls=Devices, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.pass_context
 def main(context: click.Context) -> None:
     """Make the mesh of a soft actuator.
@@ -82,9 +92,6 @@ def _stop(sentence: str, status: int) -> None:
     click.echo(f"Error: {bounded(sentence)}", err=True)
     sys.exit(status)
 
-
-for _name, _device in ACTUATORS.items():
-    main.add_command(_command(_name, _device))
 
 if __name__ == "__main__":
     run_command(main, "python -m geometries")

@@ -30,8 +30,10 @@ from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.disk_cells import expected_cells
 from geometries.disk_checks import check_disk
 from geometries.fields import angle_field, choice_field, length_field, number_field
+from geometries.registry import register
 
 
+@register
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HollowDisk(Actuator):
     """A hollow disk, as a wedge of any angle that divides the circle or as an axisymmetric profile.

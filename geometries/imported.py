@@ -16,9 +16,11 @@ from geometries.errors import GeometryError
 from geometries.fields import choice_field, length_field, list_field, number_field, text_field
 from geometries.imported_roles import BONDED
 from geometries.imported_shape import Reading, build_part, read_part
+from geometries.registry import register
 from geometries.symmetry import reflected
 
 
+@register
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedActuator(Actuator):
     """A part from a STEP file, with one or more closed cavities.

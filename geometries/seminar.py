@@ -31,11 +31,13 @@ from numpy.typing import NDArray
 
 from geometries.actuator import Actuator, CutPlane, Hold, Mirror, Vector
 from geometries.fields import angle_field, choice_field, length_field, number_field
+from geometries.registry import register
 from geometries.seminar_cells import expected_cells
 from geometries.seminar_checks import check_seminar
 from geometries.seminar_plan import outline_area
 
 
+@register
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SeminarActuator(Actuator):
     """A triangular slab with a network of air channels that bends out of its plane.

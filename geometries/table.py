@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import geometries
 from geometries.actuator import Actuator
 from geometries.errors import GeometryError
+from geometries.registry import ACTUATORS
 from measurement.units import UnitError, brief, exact_text, quantity
 
 
@@ -44,9 +44,9 @@ def from_table(table: Mapping[str, Any]) -> Actuator:
     """
     values = dict(table)
     name = values.pop("device", None)
-    if not isinstance(name, str) or name not in geometries.ACTUATORS:
-        raise GeometryError(f"device is {name!r}; it must be one of {', '.join(geometries.ACTUATORS)}")
-    device = geometries.ACTUATORS[name]
+    if not isinstance(name, str) or name not in ACTUATORS:
+        raise GeometryError(f"device is {name!r}; it must be one of {', '.join(ACTUATORS)}")
+    device = ACTUATORS[name]
     units = {field.name: field.metadata["unit"] for field in dataclasses.fields(device)}
     for key, value in values.items():
         if units.get(key):

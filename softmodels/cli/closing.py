@@ -10,6 +10,7 @@ import time
 from geometries.apart import interpreter
 from measurement.own_folder import OwnFolderError
 from softmodels.case.case import Case
+from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.results.columns import cavity_columns, term
 from softmodels.results.notes import notes_of
@@ -32,7 +33,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             if draw and status in (DONE, NO_EQUILIBRIUM):
                 if not quiet:
                     print("drawing pictures, film and report (--no-pictures leaves them out)", file=sys.stderr)
-                took = _draw(results)
+                took = _draw(case, results)
         except (OSError, OwnFolderError) as error:
             status = status or FAILED
             message = message or (
@@ -90,10 +91,11 @@ def _bears(case: Case) -> str:
     return "" if breaks is None else f" (broke at {breaks:.4g})"
 
 
-def _draw(results: Results) -> float | None:
+def _draw(case: Case, results: Results) -> float | None:
     """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5; the seconds it took, None if it failed."""
     begun = time.monotonic()
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
+    inherited[VARIABLE] = own_modules(case.actuator, case.material, case.supply)
     command = [*interpreter(), "-m", "softmodels.pictures.draw", str(results.folder), "--name", results.name]
     done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
     if done.returncode == 0:

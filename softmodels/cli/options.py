@@ -19,6 +19,7 @@ from measurement.output_option import FolderType
 from measurement.units import WATER_DENSITY
 from softmodels.case.case import CONTROLS, FORMULATIONS, Case, CaseError, sheet_from
 from softmodels.case.material_table import material_from, material_names, material_options
+from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.case.ranges import SeriesError, series
 from softmodels.case.supply_table import supply_from, supply_options
 from softmodels.materials.laws import MaterialError
@@ -219,7 +220,10 @@ def main(command: click.Command) -> None:
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help too is said once, and the stream lives on)
     with written(_tell):
         try:
+            import_own_modules()
             command.main(standalone_mode=False)
+        except OwnModuleError as error:
+            fail(str(error))
         except (click.exceptions.Abort, KeyboardInterrupt):
             fail("stopped by the user", STOPPED)
         except StartError as error:

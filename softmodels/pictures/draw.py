@@ -18,6 +18,7 @@ import numpy as np
 from measurement.folder_lock import InUseError
 from measurement.own_folder import PATIENCE, OwnFolderError
 from softmodels.case.case import Case, CaseError
+from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.pictures import film, hot_spots, plots, program_plots, report, sections, stills
 from softmodels.pictures.pages import STYLE, headline
 from softmodels.pictures.rendering import can_render
@@ -206,13 +207,14 @@ def draw_folder(folder: Path, name: str | None = None) -> None:
         name: Stem of the result files; None for the case's own name.
     """
     try:
+        import_own_modules()
         if name is None:
             if not (folder / "case.toml").exists():
                 raise ResultsError(f"{folder} holds no results (there is no case.toml in it)")
             name = Case.from_file(folder / "case.toml").name
         for path in draw(folder, name, lambda text: print(f"softmodels: {text}", file=sys.stderr)):
             print(path)
-    except (ResultsError, CaseError, OwnFolderError, InUseError) as error:
+    except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
         print(f"softmodels: {error}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:

@@ -1,0 +1,60 @@
+"""Devices, laws and supplies from files of one's own, for commands and for the processes that they start.
+
+A script that defines a device and runs it needs nothing of this. A command such as ``softmodels run case.toml`` knows only
+what the library has; the environment variable `VARIABLE` names the Python files to import first, as `PATH` names folders.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+VARIABLE = "SOFTMODELS_MODULES"
+LIBRARY = ("softmodels", "geometries", "measurement")
+
+
+class OwnModuleError(ValueError):
+    """A file that cannot be imported; the message is a sentence for the user."""
+
+
+def import_own_modules() -> None:
+    """Import the files that `VARIABLE` names, each once.
+
+    Raises:
+        OwnModuleError: One is no Python file, or raises an exception.
+    """
+    for text in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
+        path = Path(text).resolve()
+        if path not in map(_file, list(sys.modules.values())):
+            _import(path)
+
+
+def own_modules(*things: object) -> str:
+    """The value of `VARIABLE` with which another process knows the classes of these things too."""
+    files = [_file(sys.modules.get(type(thing).__module__)) for thing in things
+             if type(thing).__module__.split(".")[0] not in LIBRARY]  # fmt: skip
+    named = filter(None, os.environ.get(VARIABLE, "").split(os.pathsep))
+    return os.pathsep.join(dict.fromkeys([*named, *(str(file) for file in files if file is not None)]))
+
+
+def _file(module: ModuleType | None) -> Path | None:
+    file = getattr(module, "__file__", None)
+    return Path(file).resolve() if isinstance(file, str) else None
+
+
+def _import(path: Path) -> None:
+    spec = importlib.util.spec_from_file_location(path.stem, path) if path.is_file() else None
+    if spec is None or spec.loader is None:
+        raise OwnModuleError(f"{VARIABLE} names {path}, which is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module  # dataclasses look their module up
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))  # the mesher's process, which is given this list, imports it by its name
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[path.stem]
+        raise OwnModuleError(f"{path}, which {VARIABLE} names, cannot be imported ({error!r})") from error
