@@ -1,14 +1,29 @@
-"""Fixtures shared by all folders."""
+"""Fixtures shared by all folders; figures that go into tables; what is not checked for want of data."""
 
 from __future__ import annotations
 
+import collections
+import importlib.util
 import math
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from geometries import ImportedActuator
 from geometries.meshing import private_model
+
+MEASURED = {
+    "silicone_tensile": "tensile curves of 19 silicones, Marechal et al. 2021 (ODbL)",
+    "ecoflex_uniaxial": "tensile curve of Ecoflex 00-30, Liao et al. 2021",
+    "rubber": "three tests on rubber and silicone, Treloar 1944 and Meunier 2008",
+    "chessboards": "photographs of a chessboard, OpenCV's samples",
+    "silhouettes": "photographs of drops, DropPyTension (GPL)",
+    "lens": "lens profile of a Canon EF-S 18-55, lensfun (CC BY-SA)",
+}
+"""Data of others by folder of ``shared/data`` beside the checkout: they are not part of the project."""
+ABSENT = "no shared/data/"
 
 
 @pytest.fixture(scope="session")
@@ -16,13 +31,94 @@ def shared_data():
     """Return a function that gives a folder of measured data beside the checkout, or skips where it is not there."""
 
     def folder_of(name):
+        assert name in MEASURED
         for folder in Path(__file__).resolve().parents:
             found = folder / "shared" / "data" / name
             if found.is_dir():
                 return found
-        return pytest.skip(f"no shared/data/{name} beside the project")
+        return pytest.skip(f"{ABSENT}{name} beside the project")
 
     return folder_of
+
+
+@pytest.fixture
+def figure(request):
+    """Return a function that asserts a measured figure, and records it for the tables of ``tests/verification/README.md``.
+
+    ``figure(against, name, value, at_most)`` takes the largest absolute value of an array, ``at_least=`` the smallest;
+    ``unit=`` is the value's. `pytest --write-figures` writes the tables.
+    """
+
+    def check(against, name, value, at_most=None, *, at_least=None, unit=""):
+        least = at_most is None
+        assert np.size(value) and np.isfinite(value).all(), (against, name, value)
+        worst = float(np.min(value) if least else np.max(np.abs(value)))
+        bound = float(at_least if least else at_most)
+        request.node.user_properties.append(("figure", (request.path.name, against, name, worst, bound, least, unit)))
+        assert worst >= bound if least else worst <= bound, (
+            f"{name} against {against}: {worst:.3g} {unit}, allowed is {bound:g}"
+        )
+
+    return check
+
+
+class FigureWriter:
+    """Gathers the figures of a run, those of its workers too, and writes the tables at its end."""
+
+    def __init__(self, config):
+        self.tables = _module("figure_tables")
+        self.figures, self.passed, self.config = [], {}, config
+
+    def pytest_runtest_logreport(self, report):
+        file = report.location[0].rsplit("/", 1)[-1]
+        self.passed[file] = self.passed.get(file, True) and report.outcome == "passed"
+        if report.when == "call" and report.outcome == "passed":
+            self.figures += [self.tables.Figure(*value) for name, value in report.user_properties if name == "figure"]
+
+    def pytest_terminal_summary(self, terminalreporter):
+        option = self.config.option
+        picked = option.keyword or option.markexpr or any("::" in word for word in self.config.args)
+        whole = {file: passed and not picked for file, passed in self.passed.items()}
+        readme = self.tables.README
+        text = readme.read_text(encoding="utf-8")
+        readme.write_text(self.tables.rewritten(text, self.figures, whole), encoding="utf-8")
+        terminalreporter.write_line(f"{len(self.figures)} figures written to {readme}")
+        for one in self.tables.worst(self.figures):
+            if one.loose:
+                terminalreporter.write_line(f"more than three times: {' | '.join(one.cells())}")
+
+
+def _module(name):
+    """A module of this folder: modules of tests cannot import each other."""
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--write-figures", action="store_true", help="write the measured figures to tests/verification/README.md"
+    )
+
+
+def pytest_configure(config):
+    if config.option.write_figures and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(FigureWriter(config))
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Name what was not checked because measured data are not beside the checkout."""
+    counts = collections.Counter(
+        report.longrepr[2].split(ABSENT)[1].split()[0]
+        for report in terminalreporter.stats.get("skipped", [])
+        if isinstance(report.longrepr, tuple) and ABSENT in report.longrepr[2]
+    )
+    if counts:
+        terminalreporter.section("not checked: measured data of others, which are not part of the project")
+        for name, count in sorted(counts.items()):
+            terminalreporter.write_line(f"{count} tests need shared/data/{name} beside the checkout: {MEASURED[name]}")
 
 
 @pytest.fixture(scope="session")

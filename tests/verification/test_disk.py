@@ -63,15 +63,17 @@ def wedge(inflated):
     return inflated(HollowDisk())
 
 
-def test_wedge_matches_the_section(wedge, section):
-    assert wedge.apex == pytest.approx(section.apex, rel=5e-3)
-    assert wedge.volume == pytest.approx(section.volume, rel=5e-3)
+def test_wedge_matches_the_section(wedge, section, figure):
+    against = "axisymmetric section, default cells, 70, 130 and 177 cm"
+    figure(against, "wedge's apex", wedge.apex / section.apex - 1, 2.5e-3)
+    figure(against, "wedge's added volume", wedge.volume / section.volume - 1, 2e-3)
 
 
-def test_default_cells_are_fine_enough(wedge, section, fine):
-    for coarse in (wedge, section):
-        assert coarse.apex[-1] == pytest.approx(fine.apex[-1], rel=2e-3)
-        assert coarse.volume == pytest.approx(fine.volume, rel=2e-3)
+def test_default_cells_are_fine_enough(wedge, section, fine, figure):
+    against = "a section with cells of 0.4 mm"
+    for name, coarse in (("wedge", wedge), ("section", section)):
+        figure(against, f"default {name}'s apex at 177 cm", coarse.apex[-1] / fine.apex[-1] - 1, 1.8e-3)
+        figure(against, f"default {name}'s added volume", coarse.volume / fine.volume - 1, 2e-3)
 
 
 def test_section_converges(section, fine, inflated):
@@ -93,15 +95,16 @@ def test_wedge_converges_to_the_section(inflated):
 
 
 @pytest.mark.parametrize(("angle", "azimuth"), [(30.0, 0.0), (45.0, 20.0), (90.0, 0.0)])
-def test_every_wedge_is_the_same_disk(angle, azimuth, inflated, section):
+def test_every_wedge_is_the_same_disk(angle, azimuth, inflated, section, figure):
     """Other angles and azimuths are other tetrahedra: 0.2 % in the apex, 0.1 % in the volume."""
     other = inflated(HollowDisk(angle=angle, azimuth=azimuth), (70.0,))
-    assert other.apex == pytest.approx(section.apex[:1], rel=2e-3)
-    assert other.volume == pytest.approx(section.volume[:1], rel=1e-3)
+    against = "axisymmetric section at 70 cm"
+    figure(against, "apex of wedges of 30, 45 (turned by 20) and 90 degrees", other.apex / section.apex[:1] - 1, 2e-3)
+    figure(against, "added volume of the same wedges", other.volume / section.volume[:1] - 1, 1e-3)
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 20.0])
-def test_slip_on_cut_planes_is_exact(azimuth, inflated, wedge):
+def test_slip_on_cut_planes_is_exact(azimuth, inflated, wedge, figure):
     """No displacement across a plane at any of its nodes, and the apex, which is on both, goes straight up."""
     disk = HollowDisk(azimuth=azimuth)
     result = wedge if azimuth == 0.0 else inflated(disk, (70.0,))
@@ -109,32 +112,38 @@ def test_slip_on_cut_planes_is_exact(azimuth, inflated, wedge):
     for plane in disk.cut_planes:
         on_plane = np.abs(points @ np.array(plane.normal)) < 1e-9
         assert on_plane.sum() > 100
-        assert np.abs(u[on_plane] @ np.array(plane.normal)).max() < 1e-12 * disk.size
+        figure(
+            "slip on oblique cut planes", "normal displacement over size", u[on_plane] @ plane.normal / disk.size, 1e-12
+        )
     apex = int(np.argmin(np.linalg.norm(points - np.array(disk.probes["apex"]), axis=1)))
     assert np.abs(u[apex, :2]).max() < 1e-12 * disk.size
     assert u[apex, 2] == pytest.approx(result.apex[-1], rel=1e-12)
 
 
-def test_steps_do_not_change_the_answer(inflated, section):
+def test_steps_do_not_change_the_answer(inflated, section, figure):
     small = inflated(HollowDisk(section="axisymmetric"), largest_step=0.02)
     assert small.count > 2 * section.count
-    assert small.apex == pytest.approx(section.apex, rel=1e-8)
-    assert small.volume == pytest.approx(section.volume, rel=1e-8)
+    against = "the default path of the disk"
+    figure(against, "apex, short steps", small.apex / section.apex - 1, 2e-10)
+    figure(against, "added volume, short steps", small.volume / section.volume - 1, 2e-10)
 
 
 @pytest.mark.parametrize("control", ["pressure", "volume", "arc-length"])
-def test_controls_do_not_change_the_answer(control, inflated, section):
+def test_controls_do_not_change_the_answer(control, inflated, section, figure):
     other = inflated(HollowDisk(section="axisymmetric"), control=control)
-    assert other.apex == pytest.approx(section.apex, rel=1e-8)
-    assert other.volume == pytest.approx(section.volume, rel=1e-8)
+    against = "the default path of the disk"
+    figure(against, "apex, other controls", other.apex / section.apex - 1, 3e-10)
+    figure(against, "added volume, other controls", other.volume / section.volume - 1, 6e-10)
 
 
-def test_formulations_agree_where_both_may_be_used(inflated):
+def test_formulations_agree_where_both_may_be_used(inflated, figure):
     """At Poisson's ratio 0.3 displacements alone do not lock: the difference is the mesh's, and goes with it."""
     law, apart = NeoHookean(30e3, 0.3), []
     for size in (0.003, 0.0007):
         disk = HollowDisk(section="axisymmetric", cell_size=size)
         mixed, plain = (inflated(disk, (130.0,), law, formulation).apex[0] for formulation in ("mixed", "displacement"))
         apart.append(abs(plain / mixed - 1))
-    assert apart[0] < 1e-3
+    figure(
+        "displacements and pressure as unknowns, Poisson's ratio 0.3", "apex by displacements alone", apart[0], 1.9e-4
+    )
     assert apart[1] < 0.5 * apart[0]

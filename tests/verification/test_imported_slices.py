@@ -15,14 +15,17 @@ STRETCH = 1.4
 
 
 @pytest.mark.parametrize(("angle", "copies"), [(45, 16), (60, 12), (90, 8)])
-def test_a_wedge_of_a_ball_inflates_as_the_ball(angle, copies, wedge_part, equilibrium, solved):
+def test_a_wedge_of_a_ball_inflates_as_the_ball(angle, copies, wedge_part, equilibrium, solved, figure):
     part = wedge_part("ball", angle, cell_size=0.0025)
     assert part.copies == copies and part.cavity_volume == pytest.approx(4 / 3 * np.pi * 0.01**3, rel=1e-4)
     equations = equilibrium(part, NeoHookean(100e3, 0.5))
     _, points, end = solved(equations, [(STRETCH**3 - 1) * equations.rest().V], "volume", "volume")
     assert end is None
     exact = sphere_pressure(equations.material, 0.010, 0.015, STRETCH)
-    assert points[-1].state.P * equations.stress_unit == pytest.approx(exact, rel=5e-4)
+    against = "closed integral of a thick incompressible sphere"
+    figure(
+        against, "1/16, 1/12 and 1/8 of an imported ball", points[-1].state.P * equations.stress_unit / exact - 1, 4e-4
+    )
 
 
 def test_a_sheet_bonded_to_chosen_faces_holds_them_back(wedge_part, body_of, solved):
