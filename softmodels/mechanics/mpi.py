@@ -51,7 +51,7 @@ def start(petsc_options: Sequence[str] = ()) -> Any:
     try:
         # PETSc sets handlers of its own, with which it would end the program where the reader of its log has gone.
         with _nobodys_folder(), handlers_kept():
-            petsc4py.init([sys.argv[0], *petsc_options])
+            petsc4py.init(["softmodels", *petsc_options])  # a name of python -c would be taken for an option
             _read_compilers_options()
     except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be named before PETSc has started
         words = " ".join(petsc_options)

@@ -102,10 +102,14 @@ def _in(unit: str, values: Values | None, what: str, pascal_in_cm: float) -> tup
     try:
         if isinstance(values, str):
             return _of_text(unit, values, what, pascal_in_cm)
-        scale = 1 / pascal_in_cm if unit == "cm" else 1 / ML
-        return series([float(value) * scale for value in np.atleast_1d(values)], what)
+        return series(_numbers(values, what, 1 / pascal_in_cm if unit == "cm" else 1 / ML), what)
     except (SeriesError, UnitError) as error:
         raise CaseError(str(error)) from None
+
+
+def _numbers(values: float | Sequence[float] | npt.NDArray[np.float64], what: str, scale: float) -> list[float]:
+    try:
+        return [float(value) * scale for value in np.atleast_1d(values)]
     except (TypeError, ValueError):
         raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit") from None
 
