@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +16,25 @@ from measurement.output_option import FolderType, open_folder
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
 from measurement.result_folder import ResultFolder
-from measurement.units import UnitError, quantity
+from measurement.units import UnitError
+from softmodels.case.case import Case, CaseError
+from softmodels.cli.fit_options import curve_changes, device_changes, fit_options, free_of_bench
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
-from softmodels.fitting.believable import expected, hold_against, stretch_of
-from softmodels.fitting.comparison import compare
-from softmodels.fitting.curves.contradiction import fitted_alone, own_file, told_apart
-from softmodels.fitting.curves.curve import TensileCurve, TensileError
-from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of, spread
-from softmodels.fitting.curves.yardstick import on_yardstick
+from softmodels.fitting.believable import expected
+from softmodels.fitting.curves.contradiction import own_file
+from softmodels.fitting.curves.curve import TensileError
+from softmodels.fitting.curves.fit import StressError
+from softmodels.fitting.curves.fit_curves import fit_curves
 from softmodels.fitting.files import name_of, retire, write_materials
-from softmodels.fitting.law_parameters import LawChoice, all_laws, known_laws
-from softmodels.fitting.least_squares import Fit, FitError, Prior
-from softmodels.fitting.problem import CannotEvaluate, UnsoundError
-from softmodels.fitting.soundness import NOTHING
-from softmodels.fitting.tables import Fitted, Report, as_json, as_text, material_toml, write_curves
-from softmodels.materials.stability import judge
-from softmodels.mechanics.mpi import on_root, speaks, start
+from softmodels.fitting.law_parameters import known_laws, law_choices
+from softmodels.fitting.outlines.data import OutlineFitError, read_outlines
+from softmodels.fitting.outlines.fit_device import fit, fit_heights
+from softmodels.fitting.outlines.heights import read_heights
+from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError
+from softmodels.fitting.report import Report
+from softmodels.fitting.tables import as_json, as_text, material_toml, write_curves
+from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
 from softmodels.results.outcomes import DONE, FAILED
 from softmodels.runs.progress import Progress
 
@@ -155,166 +157,50 @@ def _folder(options: dict[str, Any]) -> ResultFolder:
 
 
 def _report(options: dict[str, Any]) -> Report:
-    device = bool(options["files"])
-    if not device and (options["heights"] or options["free"] or options["untrusted"] or options["without"]):
+    if options["files"]:
+        return _device_report(options)
+    if options["heights"] or options["free"] or options["untrusted"] or options["without"]:
         raise FitError("--heights, --free, --untrusted and --without are about a device; give its case file first")
-    check_curves_given(options if device else {**options, "tensile": True})
-    curves = read_curves(options) if options["tensile"] or not device else []
+    check_curves_given({**options, "tensile": True})
+    curves = read_curves(options)
     choices = law_choices(options["laws"], options["poisson"])
-    error = StressError.from_text(options["stress_error"])
-    gauge_error = quantity(options["gauge_error"], "")
-    if not 0.0 <= gauge_error < 1.0:
-        raise FitError(f"a gauge error of {gauge_error:g} is not a share between 0 and 100 %")
-    if device:
-        from softmodels.cli.outline_command import device_report
-
-        return device_report({**options, "stress": error, "gauge": gauge_error}, curves, choices)
-    return _curve_report(options, curves, choices, error, gauge_error)
-
-
-def _curve_report(
-    options: dict[str, Any],
-    curves: Sequence[TensileCurve],
-    choices: Sequence[LawChoice],
-    error: StressError,
-    gauge: float,
-) -> Report:
-    """Fit every law to all curves together, and to each alone where they contradict each other."""
-    _check_names(choices, options)
-    known = expected(options["silicone"])
-    changes = [changes_for(choice, options, alone=len(choices) == 1) for choice in choices]
-    errors = "stated" if error.stated else "unknown"
+    StressError.from_text(options["stress_error"])
+    how = fit_options(options, curve_changes(options, choices))
     progress = Progress(len(choices), "laws", "", options["quiet"] or not speaks())
-
-    def fit_all(**how: Any) -> list[Fit]:
-        found = []
-        for i, (choice, change) in enumerate(zip(choices, changes, strict=True), 1):
-            if len(choices) > 1:
-                progress.say(f"fitting {choice.name}, law {i} of {len(choices)}")
-            sources, gauges = residuals_of(curves, choice, error, gauge, level=True)
-            found.append(fit_law(choice, sources, gauges, changes=change, errors=errors, **how))
-        return found
-
-    fitted = fit_all()
-    robust: dict[str, Any] = {}
-    if options["robust"]:
-        # What counts as an outlier is the closest law's to say, for all laws alike.
-        robust = {"loss": "soft_l1", "scale": min(map(spread, fitted))}
-        fitted = fit_all(**robust)
-    comparison = compare(fitted, _judged(fitted, curves, choices, error, gauge))
-    strain = largest_strain(curves)
-    laws = []
-    for ranked in comparison.ranked:
-        choice = choices[fitted.index(ranked.fit)]
-        if not options["no_profiles"] and len(ranked.fit.free) > 2:
-            progress.say(f"intervals of {choice.name}")
-        profiles = {} if options["no_profiles"] else {p.name: ranked.fit.profile(p.name) for p in ranked.fit.free}
-        material = choice.material(ranked.fit.values)
-        judgement = NOTHING
-        if options["silicone"]:
-            judgement = hold_against(material, stretch_of(strain), known, judgement)
-        laws.append(Fitted(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
-    report = Report(tuple(laws), comparison, tuple(curves), _how(options))
-    chosen = report.chosen.choice
-    own_changes = {name: change for name, change in changes[choices.index(chosen)].items() if name in chosen.names}
-
-    def fit_one(curve: TensileCurve) -> Fitted:
-        sources, _ = residuals_of([curve], chosen, error)
-        return fitted_alone(chosen, fit_law(chosen, sources, changes=own_changes, errors=errors, **robust), curve)
-
-    return dataclasses.replace(report, apart=told_apart(curves, gauge, fit_one))
+    return fit_curves(curves, options["laws"], how, progress=progress.say)
 
 
-def _judged(
-    fitted: Sequence[Fit],
-    curves: Sequence[TensileCurve],
-    choices: Sequence[LawChoice],
-    error: StressError,
-    gauge: float,
-) -> list[Fit] | None:
-    """The laws on the yardstick that they are compared by; None for one law alone, which nothing is compared with."""
-    if len(fitted) < 2:
-        return None
-    return [
-        on_yardstick(one, residuals_of(curves, choice, error, gauge)[0])
-        for one, choice in zip(fitted, choices, strict=True)
-    ]
-
-
-def _how(options: dict[str, Any]) -> str:
-    size = {
-        "auto": "weighted by 2 % of the stress and the curve's noise, their size from the scatter",
-        "constant": "unweighted least squares on the nominal stress, its error from the scatter",
-    }.get(options["stress_error"], f"stress error {options['stress_error']}")
-    robust = ", outliers counted by their size" if options["robust"] else ""
-    gauge = "" if options["gauge_error"] in ("0", "0%") else f", a factor of 1 +- {options['gauge_error']} on each test"
-    return f"{size}{robust}{gauge}; Poisson's ratio {options['poisson']:g} is given, not fitted"
-
-
-def law_choices(text: str, poisson: float) -> list[LawChoice]:
-    """Read ``"yeoh,ogden2"`` or ``"all"``."""
-    if not -1.0 < poisson <= 0.5:
-        raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
-    names = all_laws() if text.strip() == "all" else [part.strip() for part in text.split(",")]
-    choices = [LawChoice.from_text(name, poisson) for name in names]
-    if len({choice.name for choice in choices}) < len(choices):
-        raise FitError(f"a law is named twice in {text!r}")
-    return choices
-
-
-def _check_names(choices: Sequence[LawChoice], options: dict[str, Any]) -> None:
-    """Refuse a parameter that none of the laws has."""
-    known = dict.fromkeys(name for choice in choices for name in choice.names)
-    for text in (*options["fixes"], *options["bounds"], *options["priors"]):
-        name = text.partition("=")[0]
-        if name not in known and not name.startswith("gauge"):
-            raise FitError(f"{', '.join(c.name for c in choices)}: no parameter {name!r}; there is {', '.join(known)}")
-
-
-def changes_for(choice: LawChoice, options: dict[str, Any], alone: bool) -> dict[str, dict[str, Any]]:
-    """What ``--fix``, ``--bounds`` and ``--prior`` say about a law's parameters.
-
-    With several laws, each takes what names its own; with one alone, a foreign name is a mistake.
-    """
-    changes: dict[str, dict[str, Any]] = {}
-    readers: tuple[tuple[str, Callable[[str, str], dict[str, Any]]], ...] = (
-        ("fixes", lambda value, unit: {"start": quantity(value, unit), "fixed": True}),
-        ("bounds", read_bounds),
-        ("priors", read_prior),
-    )
-    for key, read in readers:
-        for text in options[key]:
-            name, found, value = text.partition("=")
-            if not found:
-                raise FitError(f"{text!r} is not NAME=VALUE")
-            gauge = name.startswith("gauge")
-            if name not in choice.names and not gauge:
-                if alone:
-                    raise FitError(f"{choice.name} has no parameter {name!r}; it has {', '.join(choice.names)}")
-                continue
-            try:
-                changes.setdefault(name, {}).update(read(value, "" if gauge else choice.unit(name)))
-            except (UnitError, FitError) as error:
-                raise FitError(f"{text!r}: {error}") from None
-    return changes
-
-
-def read_bounds(value: str, unit: str) -> dict[str, float]:
-    low, found, high = value.partition(":")
-    if not found:
-        raise FitError(f"{value!r} is not FROM:TO")
-    made = {}
-    for key, text in (("lower", low), ("upper", high)):
-        if text.strip():
-            made[key] = quantity(text, unit)
-    return made
-
-
-def read_prior(value: str, unit: str) -> dict[str, Prior]:
-    mean, found, error = value.partition("+-")
-    if not found:
-        raise FitError(f"{value!r} is not VALUE+-ERROR")
-    return {"prior": Prior(quantity(mean, unit), quantity(error, unit))}
+def _device_report(options: dict[str, Any]) -> Report:
+    check_curves_given(options)
+    curves = read_curves(options) if options["tensile"] else []
+    law_choices(options["laws"], options["poisson"])
+    StressError.from_text(options["stress_error"])
+    file, *files = options["files"]
+    try:
+        case = Case.from_file(file)
+    except CaseError as error:
+        raise FitError(str(error)) from None
+    free_of_bench(options)
+    outlines, heights = [], []
+    if options["heights"] is not None:
+        if files:
+            raise OutlineFitError("fit either whole outlines or --heights: one would count the other twice")
+        if options["tensile"]:
+            raise OutlineFitError(
+                "heights alone have no errors to weigh tensile curves with; give outlines, or fit them apart"
+            )
+        heights = read_heights(options["heights"], options["untrusted"], options["without"])
+    elif not files:
+        raise OutlineFitError(f"{file} says what was inflated; give its outlines too, or --heights heights.csv")
+    else:
+        outlines = read_outlines(files, options["untrusted"], options["without"])
+    expected(options["silicone"], case.material)
+    how = fit_options(options, device_changes(options, case.actuator.variable))
+    comm = start()
+    abort_on_error(comm)
+    if options["heights"] is not None:
+        return fit_heights(case, heights, options["laws"], how, comm=comm)
+    return fit(case, outlines, options["laws"], how, curves=curves, comm=comm)
 
 
 def write(report: Report, folder: Path, draw: bool) -> None:

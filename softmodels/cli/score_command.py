@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import read_curves, specimen_options, tensile_option
 from softmodels.fitting.curves.curve import TensileError
 from softmodels.fitting.curves.fit import RELATIVE, StressError
-from softmodels.fitting.least_squares import FitError
+from softmodels.fitting.problem import FitError
 from softmodels.fitting.scoring import Score, score_curve, score_outlines, write_scores
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.mechanics.mpi import speaks
@@ -107,14 +106,13 @@ def _error(text: str) -> StressError:
 
 def _device(files: tuple[Path, ...], untrusted: bool) -> tuple[Any, list[Any]]:
     from softmodels.case.case import Case, CaseError
-    from softmodels.cli.outline_command import as_section
     from softmodels.fitting.outlines.data import read_outlines
 
     try:
         case = Case.from_file(files[0])
     except CaseError as error:
         raise FitError(str(error)) from None
-    return dataclasses.replace(case, actuator=as_section(case.actuator)), read_outlines(files[1:], untrusted)
+    return case, read_outlines(files[1:], untrusted)
 
 
 def _outline_scores(materials: dict[str, Material], case: Any, outlines: list[Any]) -> list[Score]:

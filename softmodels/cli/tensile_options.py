@@ -11,11 +11,8 @@ import click
 
 from geometries.options import QuantityType
 from measurement.units import UnitError, brief, number
-from softmodels.fitting.curves.curve import SYNONYMS, Specimen, TensileCurve, TensileError, read_curve, small_modulus
-from softmodels.fitting.curves.thinning import thinned
-
-APART = 100.0
-"""Curves of one material whose first moduli differ by more than this cannot have the same unit."""
+from softmodels.fitting.curves.curve import SYNONYMS, Specimen, TensileCurve, TensileError, read_curve
+from softmodels.fitting.curves.fit_curves import prepared
 
 
 def tensile_option(text: str = "Curve of a test, FILE[:TEST]; may be given several times.") -> Callable[..., Any]:
@@ -68,17 +65,7 @@ def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
     if len(set(names)) < len(names):  # files of one name in different folders
         texts = [text if names.count(name) > 1 else name for text, name in zip(options["tensile"], names, strict=True)]
         curves = [dataclasses.replace(curve, name=text) for curve, text in zip(curves, texts, strict=True)]
-    moduli = [small_modulus(curve) for curve in curves]
-    if max(moduli) > APART * min(moduli):
-        low, high = (curves[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
-        raise TensileError(
-            f"{low} begins with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} kPa; "
-            "they cannot be one material, so check their units"
-        )
-    if options.get("stretch"):
-        low_end, high_end = stretch_range(options["stretch"])
-        curves = [curve.within(low_end, high_end) for curve in curves]
-    return [thinned(curve) for curve in curves]
+    return prepared(curves, stretch_range(options["stretch"]) if options.get("stretch") else None)
 
 
 def stretch_range(text: str) -> tuple[float, float]:

@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from softmodels.fitting.tables import Fitted, Report, material_toml
+from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.report import Report
+from softmodels.fitting.tables import material_toml
 
 SOUND, UNSOUND, EARLIER = "fitted", "unsound", "earlier-"
 

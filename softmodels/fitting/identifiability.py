@@ -52,7 +52,7 @@ def unseen(fit: Fit) -> tuple[str, ...]:
             if abs(R[i, j]) > TOGETHER and not (a.hidden or fit.free[j].hidden):
                 both = f"{fit.free[j].name} and {a.name}"
                 said.append(f"the data see {both} only together (correlation {R[i, j]:.3f})")
-    values, vectors = fit.singular_values
+    values, vectors = singular_values(fit)
     if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= BLIND * max(values[0], 1e-300):
         mixed = [p.words for p, share in zip(fit.free, vectors[-1], strict=True) if abs(share) > 0.1]
         said.append(f"the data do not see one combination of {', '.join(mixed)} at all")

@@ -101,6 +101,31 @@ class LawChoice:
         return self.law.starting_values(modulus, most, self.terms)
 
 
+Laws = str | type[Material] | Sequence[str | type[Material]]
+"""One law or several: names with their numbers of terms, with commas between, or classes; ``"all"`` for all."""
+
+
+def law_choices(laws: Laws, poisson: float = 0.5) -> list[LawChoice]:
+    """Read ``"yeoh,ogden2"``, ``"all"``, or classes of laws.
+
+    Raises:
+        FitError: No such law, or one is named twice.
+    """
+    if not -1.0 < poisson <= 0.5:
+        raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
+    if isinstance(laws, str):
+        laws = all_laws() if laws.strip() == "all" else [part.strip() for part in laws.split(",")]
+    several = laws if isinstance(laws, Sequence) else [laws]
+    choices = [
+        LawChoice.from_text(law, poisson) if isinstance(law, str) else LawChoice.from_law(law, poisson)
+        for law in several
+    ]
+    names = [choice.name for choice in choices]
+    if len(set(names)) < len(names):
+        raise FitError(f"a law is named twice in {','.join(names)!r}")
+    return choices
+
+
 def all_laws() -> tuple[str, ...]:
     """Names of the laws, with their numbers of terms, that ``all`` compares; the order decides between equally simple ones."""
     return tuple(f"{name}{terms or ''}" for name, law in LAWS.items() for terms in law.compared_terms)

@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Prior, Problem, Residuals
+from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Problem, Residuals
 from softmodels.fitting.result import Fit, StartResult
-
-__all__ = ["CannotEvaluate", "Fit", "FitError", "Parameter", "Prior", "Residuals", "fit"]
 
 Array = npt.NDArray[np.float64]
 
@@ -30,6 +28,19 @@ FAR = 0.1
 """A fit whose next Newton step would still move it by this many standard errors has not converged."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Stopping:
+    """When a fit ends.
+
+    Attributes:
+        tolerance: Relative, on the sum of squares, on the parameters and on the gradient.
+        evaluations: Per start at most.
+    """
+
+    tolerance: float = 1e-10
+    evaluations: int = 300
+
+
 def fit(
     sources: Sequence[Residuals],
     parameters: Sequence[Parameter],
@@ -38,8 +49,7 @@ def fit(
     starts: int | Sequence[Mapping[str, float]] = 1,
     errors: str = "stated",
     label: str = "",
-    tolerance: float = 1e-10,
-    most: int = 300,
+    stopping: Stopping = Stopping(),
 ) -> Fit:
     """Find the parameters at which all sources together agree best with their measurements.
 
@@ -53,8 +63,7 @@ def fit(
         errors: ``"stated"``: the sources' errors are believed unless the scatter is larger. ``"unknown"``: only their
             ratios are; their size follows from the scatter.
         label: What is fitted, for reports.
-        tolerance: Relative tolerance on the sum of squares, on the parameters and on the gradient.
-        most: Evaluations per start at most.
+        stopping: When a start ends.
 
     Raises:
         FitError: The task is impossible, or no start could be evaluated.
@@ -68,7 +77,7 @@ def fit(
             first = problem.residuals(x)
             if not np.isfinite(first).all():
                 raise CannotEvaluate("the model has no finite value there")
-            found = problem.solve(x, tolerance, most)
+            found = problem.solve(x, stopping.tolerance, stopping.evaluations)
         except CannotEvaluate as error:
             runs.append(StartResult(problem.values(x), math.inf, str(error)))
             continue

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from softmodels.fitting.result import Rows
+from softmodels.fitting.residual_groups import Rows
 
 Array = npt.NDArray[np.float64]
 Labels = Sequence[str] | npt.NDArray[np.str_]
@@ -100,6 +100,14 @@ class Parameter:
         span = self.upper - self.lower
         return span / 2 if math.isfinite(span) else 1.0
 
+    def changed(self, change: Mapping[str, Any]) -> Parameter:
+        """With a user's bounds, prior or fixed value; a start outside new bounds moves between them."""
+        new = {**{f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, **change}
+        if not new["fixed"] and not new["lower"] <= new["start"] <= new["upper"]:
+            new["start"] = min(max(new["start"], new["lower"]), new["upper"])
+        new["answers"] = (*new["answers"], *(change[end] for end in ("lower", "upper") if end in change))
+        return Parameter(**new)
+
     def inward(self, value: Any) -> Any:
         """The fit's own coordinate of a value."""
         with np.errstate(divide="ignore"):
@@ -113,6 +121,10 @@ class Parameter:
     def rate(self, value: float) -> float:
         """d(value) / d(coordinate)."""
         return value if self.logarithmic else self.scale
+
+
+Changes = Mapping[str, Mapping[str, Any]]
+"""Fields of `Parameter` to replace, by name of the parameter: ``{"c3": {"start": 0.0, "fixed": True}}``."""
 
 
 class Residuals(Protocol):
@@ -150,6 +162,22 @@ class Residuals(Protocol):
             CannotEvaluate: There is no answer at these values.
         """
         ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Extra:
+    """What a fit takes beside its own measurements, such as tensile curves beside outlines.
+
+    Attributes:
+        sources: They depend on the law's parameters by the same names.
+        parameters: Of theirs alone.
+    """
+
+    sources: Sequence[Residuals] = ()
+    parameters: Sequence[Parameter] = ()
+
+
+NOTHING_ELSE = Extra()
 
 
 class Problem:

@@ -6,20 +6,17 @@ import dataclasses
 import functools
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri, stdtrit
 
-if TYPE_CHECKING:
-    from softmodels.fitting.problem import Parameter, Problem
+from softmodels.fitting.problem import Parameter, Problem
+from softmodels.fitting.residual_groups import GroupSummary, Rows, autocorrelation_time
 
 Array = npt.NDArray[np.float64]
 
 LEVEL = 0.95
-SHORTEST = 8
-"""Groups with fewer residuals than this tell nothing about the correlation along them."""
 BLIND = 1e-8
 """Directions in which the scaled Jacobian is this much smaller than in its largest are not seen at all."""
 LEAST_FREEDOM = 0.2
@@ -35,32 +32,6 @@ class StartResult:
     values: Mapping[str, float]
     deviance: float
     trouble: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Rows:
-    """What each measured residual belongs to: its group, and the size and unit of a residual of 1."""
-
-    groups: list[str]
-    sizes: list[float]
-    units: list[str]
-
-
-@dataclasses.dataclass(frozen=True)
-class GroupSummary:
-    """Residuals of one group, in ``unit``: root mean square, mean and largest (with its sign).
-
-    Attributes:
-        count: How many.
-        run: Over how many neighbours they keep together; 1 for independent scatter.
-    """
-
-    unit: str
-    count: int
-    rms: float
-    mean: float
-    largest: float
-    run: float
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -83,7 +54,7 @@ class Fit:
         errors: See `softmodels.fitting.least_squares.fit`.
         evaluations: Evaluations of the sources so far.
         starts: Where each start ended.
-        problem: What `profile` solves again.
+        problem: What `softmodels.fitting.profile.profile` solves again.
         troubles: Sentences on what speaks against the fit; none if it ended well.
         shared: Change of each measured residual by one standard error of each thing that all of them have in common and that
             no parameter stands for, shape (count, k); None for none.
@@ -254,7 +225,7 @@ class Fit:
         return math.inf if variance < 0.0 else math.sqrt(variance)  # below zero: nothing but rounding is left of it
 
     def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a parameter from the covariance, in its unit; nan at a bound (see `profile`)."""
+        """95 % interval of a parameter from the covariance, in its unit; nan at a bound (see `softmodels.fitting.profile`)."""
         reach = self.reach(name)
         return self.values[name] - reach, self.values[name] + reach
 
@@ -273,28 +244,6 @@ class Fit:
         with np.errstate(invalid="ignore"):
             sizes = np.sqrt(np.diag(self.covariance))
             return self.covariance / np.outer(sizes, sizes)
-
-    def profile(self, name: str, n: int = 15) -> Any:
-        """The deviance along one parameter, the others fitted anew; see `softmodels.fitting.profile.profile`."""
-        from softmodels.fitting.profile import profile
-
-        return profile(self, name, n)
-
-    # -- what the data see --------------------------------------------------------------------------------------------
-
-    @functools.cached_property
-    def singular_values(self) -> tuple[Array, Array]:
-        """See `softmodels.fitting.identifiability.singular_values`."""
-        from softmodels.fitting.identifiability import singular_values
-
-        return singular_values(self)
-
-    @functools.cached_property
-    def unseen(self) -> tuple[str, ...]:
-        """Sentences on parameters, or combinations of them, that the data do not determine."""
-        from softmodels.fitting.identifiability import unseen
-
-        return unseen(self)
 
     # -- how well it fits ---------------------------------------------------------------------------------------------
 
@@ -328,24 +277,3 @@ class Fit:
         if self.errors == "stated":
             return self.deviance
         return self.count * math.log(max(self.deviance, 1e-300) / self.count)
-
-
-def autocorrelation_time(r: Array) -> float:
-    """Sum of the autocorrelation over all lags, at least 1: how many neighbours are worth one independent value.
-
-    The sum ends at the first lag whose correlation could be chance (2 / sqrt(n)).
-
-    Args:
-        r: Values in their order, shape (n,).
-    """
-    n = len(r)
-    power = float(np.sum(r**2))
-    if n < SHORTEST or power == 0.0:
-        return 1.0
-    total = 1.0
-    for lag in range(1, n // 2):
-        correlation = float(np.sum(r[lag:] * r[:-lag])) / power
-        if correlation < 2 / math.sqrt(n):
-            break
-        total += 2 * correlation
-    return min(total, n / 2)

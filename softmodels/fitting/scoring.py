@@ -90,12 +90,13 @@ def score_outlines(name: str, material: Material, case: Any, outlines: Sequence[
         FitError: The device has no such states under this law, or cannot be the one in the photographs.
     """
     from softmodels.fitting.outlines.data import prepare
-    from softmodels.fitting.outlines.device import device_of
+    from softmodels.fitting.outlines.device import MeasuredDevice
     from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fit_outlines
 
     choice = LawChoice.of(material)
-    device = device_of(case, choice, comm)
-    shapes, _ = prepare(outlines, case.actuator, device.silhouette.width)
+    measured = MeasuredDevice.of(case)
+    device = measured.model(choice, comm)
+    shapes, _ = prepare(outlines, measured.actuator, device.silhouette.width)
     source = OutlineResiduals(device, shapes)
     fixed = {key: {"start": value, "fixed": True} for key, value in material.parameters.items()}
     fit = fit_outlines(source, changes=fixed)

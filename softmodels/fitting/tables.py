@@ -4,126 +4,21 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import functools
 import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from softmodels.case import material_table
-from softmodels.fitting.comparison import Comparison
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.profile import Profile
-from softmodels.fitting.result import Fit
-from softmodels.fitting.soundness import NOTHING, Judgement, objections
-from softmodels.materials.material import Material
+from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.identifiability import singular_values, unseen
+from softmodels.fitting.report import Report
 from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
-from softmodels.materials.stability import Verdict
-
-if TYPE_CHECKING:
-    from softmodels.fitting.curves.contradiction import Apart
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Fitted:
-    """A law with its fit and what it is worth.
-
-    Attributes:
-        choice: The law.
-        fit: Its fit.
-        material: With the fitted values.
-        verdict: Its stability within the fitted range.
-        profiles: By parameter; empty if none were asked for.
-        judgement: What speaks against it by what is known of the device and the bench.
-    """
-
-    choice: LawChoice
-    fit: Fit
-    material: Material
-    verdict: Verdict
-    profiles: dict[str, Profile]
-    judgement: Judgement = NOTHING
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Everything that speaks against it."""
-        profiles = (p.trouble for p in self.profiles.values() if p.trouble)
-        found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
-        return tuple(dict.fromkeys(found))
-
-    @functools.cached_property
-    def objections(self) -> tuple[str, ...]:
-        """What forbids its use, whether or not it converged and is stable."""
-        own = objections(self.fit, lambda values: self.choice.material(values).shear_modulus_0)
-        return (*self.judgement.objections, *own)
-
-    @property
-    def sound(self) -> bool:
-        """Whether it converged, is stable within its range, and nothing forbids its use."""
-        return self.fit.converged and not self.verdict.flags and not self.objections
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval: the likelihood's where there is a profile, else the covariance's."""
-        return self.profiles[name].interval if name in self.profiles else self.fit.interval(name)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Report:
-    """All that was fitted, best law first, to which curves, and how.
-
-    Attributes:
-        laws: Fitted laws, by the comparison's order.
-        comparison: What the criterion says.
-        curves: Measured curves within the fit's range.
-        how: The weighting in words.
-        apart: Curves that contradict each other, with a fit of each alone; None where they go together.
-    """
-
-    laws: tuple[Fitted, ...]
-    comparison: Comparison
-    curves: tuple[TensileCurve, ...]
-    how: str
-    apart: Apart | None = None
-
-    @property
-    def chosen(self) -> Fitted:
-        """The preferred law; if that is not sound, the best that is; if none is, the preferred all the same."""
-        preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
-        return next((one for one in (preferred, *self.laws) if one.sound), preferred)
-
-    def own_pictures(self) -> dict[str, Any]:
-        """Figures by file name that only this kind of report has."""
-        return {}
-
-    @property
-    def ranges(self) -> list[str]:
-        """Which part of each curve was fitted, and what was left out of it."""
-        return [
-            f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
-            + "".join(f"; {remark}" for remark in c.remarks)
-            for c in self.curves
-        ]
-
-    @property
-    def verdict(self) -> str:
-        """Which law was taken, and why."""
-        preferred = self.comparison.preferred
-        if self.chosen.fit is preferred:
-            return self.comparison.sentence
-        one = next(one for one in self.laws if one.fit is preferred)
-        reason = "is not stable within the range" if one.verdict.flags else "is not sound"
-        reason = reason if preferred.converged else "did not converge"
-        ratio = {one.fit.label: one.ratio for one in self.comparison.ranked}
-        times = ratio[self.chosen.fit.label] / ratio[preferred.label]
-        return (
-            f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is taken, whose misfit "
-            f"is {times:.3g} times as large"
-        )
 
 
 def parameter_rows(one: Fitted) -> list[tuple[str, str, str, str]]:
@@ -189,7 +84,7 @@ def as_text(report: Report) -> str:
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residuals keep together over {run}")
         lines += [f"  {text}" for text in (one.material.remark,) if text]
         lines += [f"  {'not sound' if text in one.objections else 'warning'}: {text}" for text in one.warnings]
-        lines += [f"  {text}" for text in (*one.fit.unseen, *one.verdict.notes)]
+        lines += [f"  {text}" for text in (*unseen(one.fit), *one.verdict.notes)]
         lines.append("")
     if len(report.laws) > 1:
         lines += [f"  {one.fit.label:14s} AICc +{one.aicc:.4g}, BIC {one.bic:+.4g}" for one in report.comparison.ranked]
@@ -214,7 +109,7 @@ def material_toml(one: Fitted, report: Report) -> str:
         "intervals_95": intervals,
         "warnings": [*one.warnings],
         "corrections": [*one.judgement.notes],
-        "unseen": [*fit.unseen],
+        "unseen": [*unseen(fit)],
         "stability": [*one.verdict.notes],
     }
     if report.apart:
@@ -265,7 +160,7 @@ def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
         "free": [fit.free[i].name for i in shown],
         "covariance": [[_finite(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
         "correlations": [[_finite(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
-        "singular_values": fit.singular_values[0].tolist(),
+        "singular_values": singular_values(fit)[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {
             name: {"values": p.values.tolist(), "rises": [*map(_finite, p.rises)], "limit": p.limit}
@@ -275,7 +170,7 @@ def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
         "errors": fit.errors, "evaluations": fit.evaluations, "aicc": fit.aicc, "bic": fit.bic,
         "aicc_behind": ranked.aicc, "bic_behind": ranked.bic, "misfit_ratio": ranked.ratio,
         "sound": one.sound, "objections": list(one.objections), "corrections": list(one.judgement.notes),
-        "converged": fit.converged, "warnings": list(one.warnings), "unseen": list(fit.unseen),
+        "converged": fit.converged, "warnings": list(one.warnings), "unseen": list(unseen(fit)),
         "stability": list(one.verdict.notes),
     }  # fmt: skip
 

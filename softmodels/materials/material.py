@@ -201,7 +201,8 @@ class Material:
     def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
         """Where a fit may start, from the small-strain shear modulus alone.
 
-        By default parameters in Pa that have no default value share the modulus, and numbers without one are 1.
+        By default parameters in Pa that have no default value share the modulus, and numbers without one are 1, or twice the
+        bound that 1 is beyond.
 
         Args:
             modulus: In Pa.
@@ -209,7 +210,7 @@ class Material:
             terms: Number of terms.
         """
         fields = {name: _field(cls, name) for name in cls.parameter_names(terms)}
-        plain = {k: 1.0 if f.default is dataclasses.MISSING else float(f.default) for k, f in fields.items()}
+        plain = {k: _plain(f) if f.default is dataclasses.MISSING else float(f.default) for k, f in fields.items()}
         factor = modulus / cls.from_parameters(plain, terms).shear_modulus_0
         return {name: value * (factor if cls.parameter_unit(name) == "Pa" else 1.0) for name, value in plain.items()}
 
@@ -221,6 +222,11 @@ class Material:
 
 def _term_fields(law: type[Material]) -> list[str]:
     return [field.name for field in dataclasses.fields(law) if field.metadata["many"]]
+
+
+def _plain(field: dataclasses.Field[Any]) -> float:
+    low, high = field.metadata["bounds"]
+    return 1.0 if low <= 1.0 <= high else 2.0 * float(low if low > 1.0 else high)
 
 
 def _field(law: type[Material], name: str) -> dataclasses.Field[Any]:

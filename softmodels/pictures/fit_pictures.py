@@ -14,15 +14,17 @@ from matplotlib.figure import Figure
 
 from measurement.page_style import RULES, VIEWPORT, wide
 from measurement.plain_text import plain
+from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.identifiability import unseen
+from softmodels.fitting.report import Report
 from softmodels.fitting.tables import (
-    Fitted,
-    Report,
     correlation_rows,
     parameter_rows,
     residual_rows,
 )
 from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
+from softmodels.pictures.outline_pictures import draw_outlines, draw_photographs
 from softmodels.pictures.pages import DPI, FAINT, INK, STYLE, WARNING, WIDTH
 
 if TYPE_CHECKING:
@@ -133,7 +135,9 @@ def pictures(report: Report) -> dict[str, bytes]:
         figures = {}
         if report.curves:
             figures = {"curves.png": draw_curves(report), "residuals.png": draw_residuals(report)}
-        figures |= report.own_pictures()
+        for law, states in report.photographs.items():
+            figures[f"outlines-{law}.png"] = draw_outlines(states, law)
+            figures[f"photographs-{law}.png"] = draw_photographs(states, law)
         for one in report.laws:
             if one.profiles:
                 figures[f"profiles-{one.choice.name}.png"] = draw_profiles(one)
@@ -180,7 +184,7 @@ def page(report: Report, images: dict[str, bytes]) -> str:
             parts.append(_table(heads, [[*row, *[""] * (width - len(row))] for row in correlations]))
         parts.append(_table(("residuals", "rms", "mean", "largest", "keep together over"), residual_rows(one)))
         parts.append(_list(one.warnings, "w"))
-        said = (one.material.remark, *one.judgement.notes, *one.fit.unseen, *one.verdict.notes)
+        said = (one.material.remark, *one.judgement.notes, *unseen(one.fit), *one.verdict.notes)
         parts.append(_list([text for text in said if text]))
         parts.append(_image(f"profiles-{one.choice.name}.png", images))
     return PAGE.format(viewport=VIEWPORT, style=RULES, body="\n".join(part for part in parts if part))

@@ -31,12 +31,12 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from softmodels.cli.fit_command import law_choices
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, read_curve
 from softmodels.fitting.curves.fit import StressError, fit_law, noise, residuals_of
 from softmodels.fitting.curves.thinning import thinned
 from softmodels.fitting.curves.yardstick import on_yardstick
+from softmodels.fitting.law_parameters import law_choices
 
 DATA = next(
     (found for folder in Path(__file__).resolve().parents if (found := folder / "shared" / "data").is_dir()),

@@ -29,7 +29,8 @@ from softmodels.fitting.outlines.fit import (
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, fit_heights
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.fitting.outlines.start import starts
-from softmodels.fitting.problem import CannotEvaluate, Prior
+from softmodels.fitting.problem import CannotEvaluate, Extra, Prior
+from softmodels.fitting.profile import profile
 from softmodels.materials.specimens import respond
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
@@ -166,7 +167,7 @@ def test_poisson_near_a_half_is_not_seen(inflation):
     source = source_of(device, outlines)
     fixed = {"c3": {"start": 100.0, "fixed": True}, "poisson": {"lower": 0.47, "upper": 0.5}}
     found = fit_outlines(source, Bench((*BENCH, "membrane", "poisson")), changes=fixed)
-    low, high = found.profile("poisson", 5).interval
+    low, high = profile(found, "poisson", 5).interval
     assert low == 0.47 and high == 0.5
 
 
@@ -232,7 +233,7 @@ def test_a_tensile_curve_tells_the_leak(inflation):
     changes = {"leak": {"prior": Prior(0.0, 0.1)}}
     alone = fit_outlines(source_of(device, outlines), changes=changes)
     sources, gauges = residuals_of([curve], choice, error, 0.01)
-    both = fit_outlines(source_of(device, outlines), more=sources, others=gauges, changes=changes)
+    both = fit_outlines(source_of(device, outlines), extra=Extra(sources, gauges.parameters), changes=changes)
     truth = HARDENING | bench
     for name in ("c1", "c2", "c3", "leak"):
         assert abs(both.values[name] - truth[name]) < 3.0 * both.error(name), name

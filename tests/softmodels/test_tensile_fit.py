@@ -7,8 +7,11 @@ import pytest
 
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of
+from softmodels.fitting.identifiability import unseen
 from softmodels.fitting.law_parameters import LawChoice, all_laws
-from softmodels.fitting.least_squares import FitError, Parameter, Prior, fit
+from softmodels.fitting.least_squares import fit
+from softmodels.fitting.problem import Extra, FitError, Parameter, Prior
+from softmodels.fitting.profile import profile
 from softmodels.materials.laws import LAWS
 from softmodels.materials.specimens import MODE_NAMES, respond
 
@@ -127,22 +130,22 @@ def test_gauge_error_widens_the_modulus_and_nothing_else():
     assert plain.error("c1") / 8e3 < 0.005
     assert gauged.error("c1") / 8e3 == pytest.approx(0.03, rel=0.1)
     assert gauged.values["c1"] == pytest.approx(plain.values["c1"], rel=1e-3)
-    assert gauged.unseen[0] == "gauge1 rests on its prior: without it, its interval would be wider"
-    assert not any("do not see" in text for text in gauged.unseen)
+    assert unseen(gauged)[0] == "gauge1 rests on its prior: without it, its interval would be wider"
+    assert not any("do not see" in text for text in unseen(gauged))
 
 
 def test_profile_ends_where_the_law_does():
     """Gent's limit cannot lie below the largest I1 - 3 measured, whatever the data say of its upper end."""
     curve = curves_of("gent", 2000.0, 3, top=3.0, modes=("uniaxial",))
-    profile = fitted("gent", curve, "2kPa").profile("limit")
-    assert profile.interval[0] >= largest_strain(curve) > 5.0
-    assert profile.interval[1] > 60.0
+    likelihood = profile(fitted("gent", curve, "2kPa"), "limit")
+    assert likelihood.interval[0] >= largest_strain(curve) > 5.0
+    assert likelihood.interval[1] > 60.0
 
 
 def test_uniaxial_data_do_not_see_the_limit_of_soft_chains():
     """Below stretch 1.3 a Gent law's taut chains are out of sight, and the fit says so."""
     found = fitted("gent", curves_of("gent", ABSOLUTE, 3, top=1.3, modes=("uniaxial",)))
-    assert any("limit" in text for text in (*found.unseen, *found.troubles))
+    assert any("limit" in text for text in (*unseen(found), *found.troubles))
 
 
 def test_changes():
@@ -170,10 +173,10 @@ def test_other_sources_join():
     choice = LawChoice.from_text("neo-hookean")
     offset = Parameter("offset", "Pa", 0.0, -1e4, 1e4)
     sources, _ = residuals_of(curves_of("neo-hookean"), choice, StressError(0.0, ABSOLUTE, True))
-    joint = fit_law(choice, sources, [offset], more=[Scale()], errors="stated")
+    joint = fit_law(choice, sources, Extra([Scale()], [offset]), errors="stated")
     assert joint.values == pytest.approx({"shear_modulus": 20e3, "offset": 500.0})
     assert set(joint.summaries) == {"balance", *(source.label for source in sources)}
-    alone = fit_law(choice, [], [offset], more=[Scale()], modulus=15e3, errors="stated")
+    alone = fit_law(choice, [], Extra([Scale()], [offset]), errors="stated")
     assert alone.values["shear_modulus"] == pytest.approx(20e3)
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import largest_strain
+from softmodels.fitting.fitted_law import Fitted
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.result import Fit
-from softmodels.fitting.tables import Fitted
 from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
 from softmodels.materials.stability import judge

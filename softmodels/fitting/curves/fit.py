@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,8 @@ import numpy.typing as npt
 from measurement.units import UnitError, quantity
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, small_modulus
 from softmodels.fitting.law_parameters import LawChoice, by_bounds, closed_starts
-from softmodels.fitting.least_squares import CannotEvaluate, FitError, Parameter, Prior, Residuals, fit
+from softmodels.fitting.least_squares import fit
+from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, Parameter, Prior
 from softmodels.fitting.result import Fit
 from softmodels.materials.material import Material, MaterialError
 from softmodels.materials.specimens import respond, strain_of
@@ -24,6 +25,8 @@ RELATIVE = 0.02
 """Share of the stress that a test is off by if nobody says: cross-section, load cell, crosshead strain."""
 LEAST_ABSOLUTE = 0.003
 """Least absolute error, as a share of the largest stress: a load cell's resolution."""
+MODULUS = 30e3
+"""Shear modulus in Pa that a fit starts from where there are no curves."""
 DENSE = 30
 """From this many points on, the noise of a curve can be told from its bend."""
 
@@ -139,7 +142,7 @@ def residuals_of(
     error: StressError,
     gauge_error: float = 0.0,
     level: bool = False,
-) -> tuple[list[TensileResiduals], list[Parameter]]:
+) -> tuple[list[TensileResiduals], Extra]:
     """Sources for curves, and the factors on their stress if these are uncertain by ``gauge_error`` (a share).
 
     With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
@@ -153,7 +156,7 @@ def residuals_of(
         sources.append(TensileResiduals(curve, choice, weight * error.of(curve), name))
         if name:
             gauges.append(Parameter(name, "", 1.0, 0.2, 5.0, Prior(1.0, gauge_error)))
-    return sources, gauges
+    return sources, Extra((), gauges)
 
 
 def largest_strain(curves: Sequence[TensileCurve]) -> float:
@@ -178,11 +181,9 @@ def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[d
 def fit_law(
     choice: LawChoice,
     sources: Sequence[TensileResiduals],
-    others: Sequence[Parameter] = (),
+    extra: Extra = NOTHING_ELSE,
     *,
-    more: Sequence[Residuals] = (),
-    modulus: float = 30e3,
-    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    changes: Changes = MappingProxyType({}),
     loss: str = "linear",
     errors: str = "unknown",
     scale: float | None = None,
@@ -192,10 +193,8 @@ def fit_law(
     Args:
         choice: The law.
         sources: From `residuals_of`, for this law.
-        others: Parameters beside the law's, those of ``more`` too.
-        more: Further sources that depend on the law's parameters by the names of `LawChoice.names`.
-        modulus: Shear modulus in Pa to start from where there are no curves.
-        changes: Fields of `Parameter` to replace, by name of the parameter: ``{"c3": {"start": 0.0, "fixed": True}}``.
+        extra: Parameters beside the law's, such as the curves' own factors, and further sources.
+        changes: Fields of parameters to replace.
         loss: See `softmodels.fitting.least_squares.fit`.
         errors: See `softmodels.fitting.least_squares.fit`.
         scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all
@@ -204,20 +203,22 @@ def fit_law(
     Raises:
         FitError: See `softmodels.fitting.least_squares.fit`; or a change names no parameter.
     """
-    known = {*choice.names, *(p.name for p in others)}
-    for name in changes or {}:
+    known = {*choice.names, *(p.name for p in extra.parameters)}
+    for name in changes:
         if name not in known:
             raise FitError(f"{choice.name} has no parameter {name!r}; it has {', '.join(sorted(known))}")
     if loss != "linear" and errors == "unknown":
         if scale is None:
-            scale = spread(fit_law(choice, sources, others, more=more, modulus=modulus, changes=changes, errors=errors))
+            scale = spread(fit_law(choice, sources, extra, changes=changes, errors=errors))
         sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
     fits = []
-    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(modulus)]
+    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(MODULUS)]
     for starts in by_bounds(choice, guesses):
-        parameters = [changed(p, (changes or {}).get(p.name, {})) for p in (*choice.parameters(starts[0]), *others)]
+        parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(starts[0]), *extra.parameters)]
         try:
-            fits.append(fit([*sources, *more], parameters, loss=loss, starts=starts, errors=errors, label=choice.name))
+            fits.append(
+                fit([*sources, *extra.sources], parameters, loss=loss, starts=starts, errors=errors, label=choice.name)
+            )
         except FitError as error:
             trouble = error
     if not fits:
@@ -228,12 +229,3 @@ def fit_law(
 def spread(fit: Fit) -> float:
     """Standard deviation of a fit's residuals that outliers hardly change (median absolute deviation)."""
     return max(1.4826 * float(np.median(np.abs(fit.residuals[: fit.count]))), 1e-9)
-
-
-def changed(parameter: Parameter, change: Mapping[str, Any]) -> Parameter:
-    """A parameter with a user's bounds, prior or fixed value; a start outside new bounds moves between them."""
-    new = {**{f.name: getattr(parameter, f.name) for f in dataclasses.fields(parameter)}, **change}
-    if not new["fixed"] and not new["lower"] <= new["start"] <= new["upper"]:
-        new["start"] = min(max(new["start"], new["lower"]), new["upper"])
-    new["answers"] = (*new["answers"], *(change[end] for end in ("lower", "upper") if end in change))
-    return Parameter(**new)

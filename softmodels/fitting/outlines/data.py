@@ -20,7 +20,7 @@ from measurement.edge.smoothing import SPAN
 from measurement.outline.outline import Outline, OutlineError
 from measurement.units import pascal_per_cm
 from softmodels.fitting.problem import FitError
-from softmodels.fitting.result import autocorrelation_time
+from softmodels.fitting.residual_groups import autocorrelation_time
 
 Array = npt.NDArray[np.float64]
 

@@ -1,39 +1,84 @@
-"""A case's device, ready to be solved with the parameters of a law."""
+"""A device that was measured, ready to be solved with the parameters of a law."""
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from geometries import GeometryError, MeshingError
+from geometries import Actuator, GeometryError, MeshingError
 from softmodels.case.case import Case
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.forward import Inflation
 from softmodels.fitting.problem import FitError
+from softmodels.materials.material import Material
+from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.sheet import Sheet
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
-def device_of(case: Case, choice: LawChoice, comm: Any) -> Inflation:
-    """The case's device under a law, meshed and compiled.
+@dataclasses.dataclass(frozen=True)
+class MeasuredDevice:
+    """What was inflated.
 
-    Raises:
-        FitError: It cannot be meshed or compiled.
+    Attributes:
+        actuator: Its geometry.
+        name: What reports call it.
+        material: What it is known to be made of, whose modulus a fit is held against; None if that is not known.
+        formulation: See `softmodels.case.case.Case`.
+        sheet: A sheet bonded to one of its faces.
+        obstacle: A plane that it comes to rest on.
     """
-    from softmodels.mechanics.body import Body, BodyError
-    from softmodels.mechanics.compiling import CompilingError, compiling
-    from softmodels.mechanics.solver import Equilibrium
 
-    folder = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
-    mesh = folder / f"{case.name}.msh"
-    try:
-        on_root(comm, lambda: case.actuator.write(mesh))
-        with compiling():
-            body = Body.from_file(case.actuator, mesh, comm)
-            material = choice.material(choice.from_modulus(30e3))
-            return Inflation(Equilibrium(body, material, case.formulation, case.sheet, case.obstacle), choice)
-    except (BodyError, CompilingError, MeshingError, GeometryError, OSError) as error:
-        raise FitError(str(error)) from error
-    finally:
-        on_root(comm, lambda: shutil.rmtree(folder, ignore_errors=True))
+    actuator: Actuator
+    name: str = "device"
+    material: Material | None = None
+    formulation: str = "mixed"
+    sheet: Sheet | None = None
+    obstacle: Obstacle | None = None
+
+    @classmethod
+    def of(cls, device: Actuator | Case | MeasuredDevice) -> MeasuredDevice:
+        """A device, alone or of a case; one that turns about its axis as its section."""
+        if isinstance(device, MeasuredDevice):
+            return dataclasses.replace(device, actuator=as_section(device.actuator))
+        if isinstance(device, Case):
+            case = device
+            return cls(as_section(case.actuator), case.name, case.material, case.formulation, case.sheet, case.obstacle)
+        return cls(as_section(device), device.name)
+
+    def model(self, choice: LawChoice, comm: MPI.Comm) -> Inflation:
+        """The device under a law, meshed and compiled.
+
+        Raises:
+            FitError: It cannot be meshed or compiled.
+        """
+        from softmodels.mechanics.body import Body, BodyError
+        from softmodels.mechanics.compiling import CompilingError, compiling
+        from softmodels.mechanics.solver import Equilibrium
+
+        folder = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
+        mesh = folder / f"{self.name}.msh"
+        try:
+            on_root(comm, lambda: self.actuator.write(mesh))
+            with compiling():
+                body = Body.from_file(self.actuator, mesh, comm)
+                material = choice.material(choice.from_modulus(30e3))
+                return Inflation(Equilibrium(body, material, self.formulation, self.sheet, self.obstacle), choice)
+        except (BodyError, CompilingError, MeshingError, GeometryError, OSError) as error:
+            raise FitError(str(error)) from error
+        finally:
+            on_root(comm, lambda: shutil.rmtree(folder, ignore_errors=True))
+
+
+def as_section(actuator: Actuator) -> Actuator:
+    """A device that turns about its axis as its section, which gives the same outline in a hundredth of the time."""
+    sections = {field.name: field.metadata.get("choices", ()) for field in dataclasses.fields(actuator)}.get(
+        "section", ()
+    )
+    return dataclasses.replace(actuator, section="axisymmetric") if "axisymmetric" in sections else actuator  # type: ignore[call-arg]

@@ -15,20 +15,20 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
 from measurement.series.column import DENSITY_ERROR
 from measurement.units import WATER_DENSITY
-from softmodels.fitting.curves.fit import changed
 from softmodels.fitting.least_squares import fit
+from softmodels.fitting.options import BENCH
 from softmodels.fitting.outlines.data import OutlineFitError, Shape
 from softmodels.fitting.outlines.forward import Inflation
 from softmodels.fitting.outlines.shadow import shadow_of
 from softmodels.fitting.outlines.start import starts
-from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Prior, Residuals
+from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, Parameter, Prior
 from softmodels.fitting.result import Fit
 from softmodels.mechanics.system import State
 from softmodels.results.quadratic_curve import QuadraticCurve
@@ -50,8 +50,6 @@ UNHEARD = 1e6
 READINGS = "pressures"
 """Label of the group of residuals that hold the pressures."""
 POISSON_BOUNDS = (0.3, 0.5)
-BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
-"""Parameters of the bench."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,6 +92,17 @@ class OutlineResiduals:
     @property
     def count(self) -> int:
         return len(self.groups)
+
+    @property
+    def in_words(self) -> str:
+        """How much was measured."""
+        top = max(shape.height for shape in self.shapes)
+        values = f"{self.count - len(self.shapes)} independent values"
+        return f"{len(self.shapes)} outlines to {top * 1e3:.4g} mm at {self.most / 1e3:.4g} kPa, {values}"
+
+    def largest_state(self, values: Mapping[str, float]) -> State:
+        """The state of the largest volume at parameter values."""
+        return max((fitting.state for fitting in self.fittings(values)), key=lambda state: state.V)
 
     def evaluate(
         self, values: Mapping[str, float], derivatives: bool
@@ -263,9 +272,8 @@ def fit_outlines(
     source: OutlineResiduals,
     bench: Bench = Bench(),
     *,
-    more: Sequence[Residuals] = (),
-    others: Sequence[Parameter] = (),
-    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    extra: Extra = NOTHING_ELSE,
+    changes: Changes = MappingProxyType({}),
     loss: str = "linear",
     doubted: Collection[str] = (),
 ) -> Fit:
@@ -274,9 +282,8 @@ def fit_outlines(
     Args:
         source: The device and its outlines.
         bench: What is free beside the law.
-        more: Further sources that depend on the law's parameters, such as tensile curves.
-        others: Parameters of those.
-        changes: Fields of `Parameter` to replace, by name.
+        extra: Further sources that depend on the law's parameters, such as tensile curves.
+        changes: Fields of parameters to replace.
         loss: See `softmodels.fitting.least_squares.fit`.
         doubted: Names of photographs whose pressures do not count where the fit starts.
 
@@ -284,9 +291,9 @@ def fit_outlines(
         FitError: See `softmodels.fitting.least_squares.fit`; or a change names no parameter.
         OutlineFitError: The device cannot be the one in the photographs.
     """
-    choice, changes = source.inflation.choice, changes or {}
+    choice = source.inflation.choice
     known = nuisances(source, bench)
-    names = {*choice.names, *(p.name for p in (*known, *others))}
+    names = {*choice.names, *(p.name for p in (*known, *extra.parameters))}
     for name in changes:
         if name not in names:
             raise FitError(f"there is no parameter {name!r}; known are {', '.join(sorted(names))}")
@@ -298,11 +305,11 @@ def fit_outlines(
     troubles = []
     for begin in begins:
         parameters = [
-            changed(p, changes.get(p.name, {})) for p in (*choice.parameters(begin), *known, *others)
+            p.changed(changes.get(p.name, {})) for p in (*choice.parameters(begin), *known, *extra.parameters)
         ] + volume_parameters(source, volumes)
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
-            return fit([source, *more], parameters, loss=loss, label=choice.name)
+            return fit([source, *extra.sources], parameters, loss=loss, label=choice.name)
         except FitError as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")

@@ -14,21 +14,21 @@ import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
 from measurement.reasons import reason
 from measurement.units import UnitError, number
-from softmodels.fitting.curves.fit import changed
 from softmodels.fitting.least_squares import fit
 from softmodels.fitting.outlines.data import FLOOR, TALLEST, OutlineFitError, kept
 from softmodels.fitting.outlines.fit import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR
 from softmodels.fitting.outlines.forward import Inflation
 from softmodels.fitting.outlines.start import starts
-from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter
+from softmodels.fitting.problem import CannotEvaluate, Changes, FitError, Parameter
 from softmodels.fitting.result import Fit
+from softmodels.mechanics.system import State
 
 Array = npt.NDArray[np.float64]
 
@@ -138,6 +138,16 @@ class HeightResiduals:
         self.measured = np.array([one.height for one in heights])
         self.height_errors = np.array([one.height_error for one in heights])
 
+    @property
+    def in_words(self) -> str:
+        """How much was measured."""
+        top = float(self.measured.max())
+        return f"{len(self.heights)} heights to {top * 1e3:.4g} mm at {self.pressures[-1] / 1e3:.4g} kPa"
+
+    def largest_state(self, values: Mapping[str, float]) -> State:
+        """The state of the largest pressure at parameter values."""
+        return self.inflation.states(values, self.pressures, "pressure")[-1]
+
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.least_squares.Residuals`.
 
@@ -177,16 +187,14 @@ class HeightResiduals:
         return np.column_stack(columns)
 
 
-def fit_heights(
-    source: HeightResiduals, *, changes: Mapping[str, Mapping[str, Any]] | None = None, loss: str = "linear"
-) -> Fit:
+def fit_heights(source: HeightResiduals, *, changes: Changes = MappingProxyType({}), loss: str = "linear") -> Fit:
     """Fit a law to heights; the size of their errors follows from their scatter, and the bench's own errors are considered.
 
     Raises:
         FitError: See `softmodels.fitting.least_squares.fit`.
         OutlineFitError: The device does not rise so high.
     """
-    inflation, changes = source.inflation, changes or {}
+    inflation = source.inflation
     choice = inflation.choice
     begins, _ = starts(inflation, source.measured, source.pressures, np.ones(len(source.measured)))
     known = [Parameter("poisson", "", choice.poisson, fixed=True)]
@@ -194,7 +202,7 @@ def fit_heights(
     troubles = []
     for begin, factor in ((begin, factor) for begin in begins for factor in STIFFER):
         stiffer = {name: value * (factor if choice.unit(name) == "Pa" else 1.0) for name, value in begin.items()}
-        parameters = [changed(p, changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
+        parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
             found = fit([source], parameters, loss=loss, errors="unknown", label=choice.name)

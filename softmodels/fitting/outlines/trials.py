@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -16,15 +16,13 @@ from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_hei
 from softmodels.fitting.outlines.judgement import judge_heights, judge_outlines, within_chance
 from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.wrong_rows import by_course
-from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Residuals, UnsoundError
+from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, UnsoundError
 from softmodels.fitting.result import Fit
 from softmodels.fitting.soundness import Judgement
 
-Others = tuple[Sequence[Residuals], Sequence[Parameter]]
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Trial:
+class Trial[Source: (OutlineResiduals, HeightResiduals)]:
     """A law's fit.
 
     Attributes:
@@ -34,7 +32,7 @@ class Trial:
         rows: The series of pressures over heights, of outlines.
     """
 
-    source: Any
+    source: Source
     fit: Fit
     judgement: Judgement
     rows: tuple[Row, ...] = ()
@@ -44,18 +42,18 @@ def try_outlines(
     device: Inflation,
     shapes: Sequence[Shape],
     bench: Bench,
-    others: Others = ((), ()),
-    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    extra: Extra = NOTHING_ELSE,
+    changes: Changes = MappingProxyType({}),
     loss: str = "linear",
     rows: Sequence[Row] = (),
-) -> Trial:
+) -> Trial[OutlineResiduals]:
     """Fit a law to all outlines, and look for those that contradict the others where the fit is beyond chance.
 
     Args:
         device: The device under the law.
         shapes: The outlines, prepared.
         bench: What is free beside the law.
-        others: Further sources, such as tensile curves, and their parameters.
+        extra: Further sources, such as tensile curves, and their parameters.
         changes: See `fit_outlines`.
         loss: See `fit_outlines`.
         rows: The series, if another law's trial has it already: all laws are then fitted to the same photographs.
@@ -71,9 +69,7 @@ def try_outlines(
 
     def fitted(chosen: Sequence[Shape], doubted: Sequence[str] = ()) -> tuple[OutlineResiduals, Fit]:
         source = OutlineResiduals(device, chosen)
-        found = fit_outlines(
-            source, bench, more=others[0], others=others[1], changes=changes, loss=loss, doubted=doubted
-        )
+        found = fit_outlines(source, bench, extra=extra, changes=changes, loss=loss, doubted=doubted)
         return source, found
 
     def good(without: Sequence[str]) -> bool:
@@ -99,9 +95,9 @@ def try_outlines(
 def try_heights(
     device: Inflation,
     heights: Sequence[Height],
-    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    changes: Changes = MappingProxyType({}),
     loss: str = "linear",
-) -> Trial:
+) -> Trial[HeightResiduals]:
     """Fit a law to heights whose series has no row that contradicts the others.
 
     Raises:

@@ -1,0 +1,118 @@
+"""Options of the command ``fit`` as a value: what ``--fix``, ``--bounds``, ``--prior``, ``--free`` and the others mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from measurement.units import UnitError, quantity
+from softmodels.fitting.law_parameters import LawChoice, all_parameters
+from softmodels.fitting.options import BENCH, FitOptions
+from softmodels.fitting.outlines.data import OutlineFitError
+from softmodels.fitting.problem import FitError, Prior
+
+BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
+"""Units of what the bench may get wrong and is not a plain number."""
+
+Change = dict[str, Any]
+
+
+def fit_options(options: Mapping[str, Any], changes: Mapping[str, Change]) -> FitOptions:
+    """The command's options as a value.
+
+    Raises:
+        FitError: A gauge error that is no share, or a parameter that is to be both free and fixed.
+    """
+    return FitOptions(
+        poisson=options["poisson"],
+        changes=changes,
+        robust=options["robust"],
+        profiles=not options["no_profiles"],
+        silicone=options["silicone"],
+        stress_error=options["stress_error"],
+        gauge_error=quantity(options["gauge_error"], ""),
+        free=free_of_bench(options),
+        without=options["without"],
+        untrusted=options["untrusted"],
+    )
+
+
+def free_of_bench(options: Mapping[str, Any]) -> tuple[str, ...]:
+    """What is free of bench and device: the defaults, ``--free`` more, ``--fix`` less.
+
+    Raises:
+        OutlineFitError: A parameter is to be both.
+    """
+    fixed = {text.partition("=")[0].strip() for text in options["fixes"]}
+    for name in options["free"]:
+        if name in fixed:
+            raise OutlineFitError(f"{name} cannot be both free (--free) and fixed (--fix)")
+    return tuple(dict.fromkeys(name for name in (*BENCH, *options["free"]) if name not in fixed))
+
+
+def curve_changes(options: Mapping[str, Any], choices: Sequence[LawChoice]) -> dict[str, Change]:
+    """What ``--fix``, ``--bounds`` and ``--prior`` say about parameters of laws that are fitted to curves.
+
+    Raises:
+        FitError: A text that is no such change, or a name that none of the laws has.
+    """
+    units = {name: choice.unit(name) for choice in choices for name in choice.names}
+    laws, known = ", ".join(choice.name for choice in choices), ", ".join(units)
+    return _changes(options, units, lambda name: f"{laws}: no parameter {name!r}; there is {known}", value_needed=True)
+
+
+def device_changes(options: Mapping[str, Any], lengths: Sequence[str]) -> dict[str, Change]:
+    """The same with a device, whose variable lengths are given; ``--fix leak`` alone keeps it at its nominal value.
+
+    Raises:
+        FitError: A text that is no such change, or a name that nothing has.
+    """
+    own = {**{name: BENCH_UNITS.get(name, "") for name in (*BENCH, "poisson")}, **dict.fromkeys(lengths, "m")}
+    known = ", ".join(own)
+    return _changes(
+        options,
+        {**all_parameters(), **own},
+        lambda name: f"there is no parameter {name!r}; the bench and the device have {known}",
+        value_needed=False,
+    )
+
+
+def _changes(
+    options: Mapping[str, Any], units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
+) -> dict[str, Change]:
+    """Changes by parameter. A curve's own factor, ``gauge1`` and so on, is known to all."""
+    changes: dict[str, Change] = {}
+    for key, read in (("fixes", _read_fixed), ("bounds", read_bounds), ("priors", read_prior)):
+        for text in options[key]:
+            name, equals, value = (part.strip() for part in text.partition("="))
+            if name not in units and not name.startswith("gauge"):
+                raise FitError(unknown(name))
+            if value_needed and not equals:
+                raise FitError(f"{text!r} is not NAME=VALUE")
+            try:
+                changes.setdefault(name, {}).update(read(value, units.get(name, "")) if equals or read is not _read_fixed
+                                                    else {"fixed": True})  # fmt: skip
+            except (UnitError, FitError) as error:
+                raise FitError(f"{text!r}: {error}") from None
+    return changes
+
+
+def _read_fixed(value: str, unit: str) -> Change:
+    return {"start": quantity(value, unit), "fixed": True}
+
+
+def read_bounds(value: str, unit: str) -> Change:
+    """Read ``FROM:TO``; an end may be empty."""
+    low, colon, high = value.partition(":")
+    if not colon:
+        raise FitError(f"{value!r} is not FROM:TO")
+    ends = (("lower", low), ("upper", high))
+    return {key: quantity(text, unit) for key, text in ends if text.strip()}
+
+
+def read_prior(value: str, unit: str) -> Change:
+    """Read ``VALUE+-ERROR``."""
+    mean, separator, error = value.partition("+-")
+    if not separator:
+        raise FitError(f"{value!r} is not VALUE+-ERROR")
+    return {"prior": Prior(quantity(mean, unit), quantity(error, unit))}

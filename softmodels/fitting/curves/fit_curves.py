@@ -1,0 +1,163 @@
+"""Laws fitted to curves of test machines, compared, and held against their silicone: one call from curves to a report."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from softmodels.fitting.believable import Expected, expected, hold_against, stretch_of
+from softmodels.fitting.comparison import Comparison, compare
+from softmodels.fitting.curves.columns import TensileError
+from softmodels.fitting.curves.contradiction import fitted_alone, told_apart
+from softmodels.fitting.curves.curve import TensileCurve, read_curve, small_modulus
+from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of, spread
+from softmodels.fitting.curves.thinning import thinned
+from softmodels.fitting.curves.yardstick import on_yardstick
+from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.law_parameters import LawChoice, Laws, law_choices
+from softmodels.fitting.options import DEFAULTS, FitOptions
+from softmodels.fitting.problem import FitError
+from softmodels.fitting.profile import profile
+from softmodels.fitting.report import Report
+from softmodels.fitting.result import Fit
+from softmodels.fitting.soundness import NOTHING
+from softmodels.materials.stability import judge
+
+LARGEST_RATIO = 100.0
+"""Curves of one material whose first moduli differ by more than this cannot have the same unit."""
+
+
+def prepared(curves: Sequence[TensileCurve], stretch: tuple[float, float] | None = None) -> list[TensileCurve]:
+    """Curves of one material within a range of stretch, dense ones averaged (see `thinned`).
+
+    Raises:
+        TensileError: They cannot be one material's, or too few points are left.
+    """
+    moduli = [small_modulus(curve) for curve in curves]
+    if max(moduli) > LARGEST_RATIO * min(moduli):
+        low, high = (curves[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
+        raise TensileError(
+            f"{low} begins with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} kPa; "
+            "they cannot be one material, so check their units"
+        )
+    return [thinned(curve if stretch is None else curve.within(*stretch)) for curve in curves]
+
+
+def fit_curves(
+    curves: Sequence[TensileCurve | Path | str] | TensileCurve | Path | str,
+    material: Laws = "yeoh",
+    options: FitOptions = DEFAULTS,
+    *,
+    stretch: tuple[float, float] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Report:
+    """Fit every law to all curves together, and to each alone where they contradict each other.
+
+    Args:
+        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
+        material: A law's name or class, or several of them; ``"all"`` compares all.
+        options: How.
+        stretch: Range of stretch to fit over; None for the whole curves.
+        progress: Is told what is fitted next.
+
+    Returns:
+        The laws with their error bars, best first; ``report.material`` is the one to simulate with.
+
+    Raises:
+        FitError: The task is impossible.
+        TensileError: A curve cannot be used.
+    """
+    if isinstance(curves, TensileCurve | Path | str):
+        curves = [curves]
+    read = [curve if isinstance(curve, TensileCurve) else read_curve(Path(curve)) for curve in curves]
+    if not read:
+        raise FitError("there is nothing to fit to; give a tensile curve or outlines")
+    task = _Task(prepared(read, stretch), law_choices(material, options.poisson), options, progress or _silent)
+    return task.report()
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Task:
+    """Curves, laws, and how to fit them."""
+
+    curves: Sequence[TensileCurve]
+    choices: Sequence[LawChoice]
+    options: FitOptions
+    progress: Callable[[str], None]
+
+    @property
+    def error(self) -> StressError:
+        return StressError.from_text(self.options.stress_error)
+
+    @property
+    def errors(self) -> str:
+        return "stated" if self.error.stated else "unknown"
+
+    def report(self) -> Report:
+        known = expected(self.options.silicone)
+        fits, scale = self._fit_all(), None
+        if self.options.robust:
+            # What counts as an outlier is the closest law's to say, for all laws alike.
+            scale = min(map(spread, fits))
+            fits = self._fit_all("soft_l1", scale)
+        comparison = compare(fits, self._on_yardstick(fits))
+        laws = self._laws(fits, comparison, known)
+        report = Report(laws, comparison, tuple(self.curves), _how(self.options))
+        chosen = report.chosen.choice
+        apart = told_apart(self.curves, self.options.gauge_error, lambda curve: self._alone(chosen, curve, scale))
+        return dataclasses.replace(report, apart=apart)
+
+    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[Fit]:
+        fits = []
+        for i, choice in enumerate(self.choices, 1):
+            if len(self.choices) > 1:
+                self.progress(f"fitting {choice.name}, law {i} of {len(self.choices)}")
+            sources, extra = residuals_of(self.curves, choice, self.error, self.options.gauge_error, level=True)
+            names = (*choice.names, *(p.name for p in extra.parameters))
+            changes = self.options.changes_of(names)
+            fits.append(fit_law(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale))
+        return fits
+
+    def _on_yardstick(self, fits: Sequence[Fit]) -> list[Fit] | None:
+        """The laws on the yardstick that they are compared by; None for one law alone, which nothing is compared with."""
+        if len(fits) < 2:
+            return None
+        return [
+            on_yardstick(fit, residuals_of(self.curves, choice, self.error, self.options.gauge_error)[0])
+            for fit, choice in zip(fits, self.choices, strict=True)
+        ]
+
+    def _laws(self, fits: Sequence[Fit], comparison: Comparison, known: Expected) -> tuple[Fitted, ...]:
+        strain, laws = largest_strain(self.curves), []
+        for ranked in comparison.ranked:
+            choice = self.choices[fits.index(ranked.fit)]
+            if self.options.profiles and len(ranked.fit.free) > 2:
+                self.progress(f"intervals of {choice.name}")
+            profiles = {p.name: profile(ranked.fit, p.name) for p in ranked.fit.free} if self.options.profiles else {}
+            material, judgement = choice.material(ranked.fit.values), NOTHING
+            if self.options.silicone:
+                judgement = hold_against(material, stretch_of(strain), known, judgement)
+            laws.append(Fitted(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
+        return tuple(laws)
+
+    def _alone(self, choice: LawChoice, curve: TensileCurve, scale: float | None) -> Fitted:
+        sources, _ = residuals_of([curve], choice, self.error)
+        changes = self.options.changes_of(choice.names)
+        loss = "linear" if scale is None else "soft_l1"
+        fit = fit_law(choice, sources, changes=changes, errors=self.errors, loss=loss, scale=scale)
+        return fitted_alone(choice, fit, curve)
+
+
+def _how(options: FitOptions) -> str:
+    size = {
+        "auto": "weighted by 2 % of the stress and the curve's noise, their size from the scatter",
+        "constant": "unweighted least squares on the nominal stress, its error from the scatter",
+    }.get(options.stress_error, f"stress error {options.stress_error}")
+    robust = ", outliers counted by their size" if options.robust else ""
+    gauge = f", a factor of 1 +- {100 * options.gauge_error:.6g}% on each test" if options.gauge_error else ""
+    return f"{size}{robust}{gauge}; Poisson's ratio {options.poisson:g} is given, not fitted"

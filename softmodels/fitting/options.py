@@ -1,0 +1,57 @@
+"""How laws are fitted, as one value: what the command line's options and a library call's keywords become."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from softmodels.fitting.problem import Changes, FitError
+
+BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
+"""Parameters of the bench."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FitOptions:
+    """How laws are fitted.
+
+    Attributes:
+        poisson: Poisson's ratio of the fitted material, given and not fitted (but see ``free``).
+        changes: Bounds, priors, starts and fixed values by parameter, see `softmodels.fitting.problem.Changes`; in SI units.
+        robust: Whether outliers count by their size, not by its square.
+        profiles: Whether the intervals come from profile likelihoods; else from the covariance.
+        silicone: Name of the silicone, whose known moduli show pressures in a wrong unit; ``"any"`` if it is in no list.
+        stress_error: Standard error of stresses, see `softmodels.fitting.curves.fit.StressError.from_text`.
+        gauge_error: Standard error of a factor on each test (cross-section, load cell), a share.
+        free: With a device: what is fitted of bench and device beside the law, see `softmodels.fitting.outlines.fit.Bench`.
+        without: With a device: names of photographs that are left out.
+        untrusted: With a device: whether measurements are taken that the measurement does not trust.
+    """
+
+    poisson: float = 0.5
+    changes: Changes = dataclasses.field(default_factory=lambda: MappingProxyType({}))
+    robust: bool = False
+    profiles: bool = True
+    silicone: str | None = None
+    stress_error: str = "auto"
+    gauge_error: float = 0.0
+    free: tuple[str, ...] = BENCH
+    without: tuple[str, ...] = ()
+    untrusted: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.gauge_error < 1.0:
+            raise FitError(f"a gauge error of {self.gauge_error:g} is not a share between 0 and 100 %")
+
+    @property
+    def loss(self) -> str:
+        """See `softmodels.fitting.least_squares.fit`."""
+        return "soft_l1" if self.robust else "linear"
+
+    def changes_of(self, names: tuple[str, ...]) -> Mapping[str, Mapping[str, object]]:
+        """The changes that are about these parameters."""
+        return {name: change for name, change in self.changes.items() if name in names}
+
+
+DEFAULTS = FitOptions()

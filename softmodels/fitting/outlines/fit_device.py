@@ -1,0 +1,193 @@
+"""Laws fitted to outlines or heights of a device, compared and judged: one call from measurements to a report."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from geometries import Actuator
+from measurement.outline import Outline
+from softmodels.case.case import Case
+from softmodels.fitting.believable import Expected, caution, expected, hold_against, stretch_of
+from softmodels.fitting.comparison import compare
+from softmodels.fitting.curves.contradiction import contradictions
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.fit import StressError, residuals_of
+from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.law_parameters import LawChoice, Laws, all_parameters, law_choices
+from softmodels.fitting.options import DEFAULTS, FitOptions
+from softmodels.fitting.outlines.data import kept, prepare, read_outlines
+from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.fit import Bench, OutlineResiduals
+from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, read_heights
+from softmodels.fitting.outlines.pressure_course import Row
+from softmodels.fitting.outlines.trials import Trial, try_heights, try_outlines
+from softmodels.fitting.profile import profile
+from softmodels.fitting.report import Report
+from softmodels.fitting.result import Fit
+from softmodels.materials.stability import judge
+from softmodels.mechanics.mpi import start
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+PROFILE_POINTS = 6
+"""Values at which a parameter is held for its profile: each is a fit of its own."""
+HEIGHTS_ALONE = (
+    "heights alone cannot tell a leak, an offset or a unit of the pressures, a unit of length or the zero plane from the "
+    "silicone: nothing of it is corrected, and the intervals are widened by what is believable of each; whole outlines see more"
+)
+
+
+def fit(
+    device: Actuator | Case | MeasuredDevice,
+    outlines: Sequence[Outline | Path | str] | Path | str,
+    material: Laws = "yeoh",
+    options: FitOptions = DEFAULTS,
+    *,
+    curves: Sequence[TensileCurve] = (),
+    comm: MPI.Comm | None = None,
+) -> Report:
+    """Fit laws to outlines of a device at all pressures, perhaps together with tensile curves.
+
+    Args:
+        device: What was inflated.
+        outlines: Outlines, or the files or folders that a measurement has written.
+        material: A law's name or class, or several of them; ``"all"`` compares all.
+        options: How.
+        curves: Tensile curves to fit at the same time (see `softmodels.fitting.curves.fit_curves.prepared`).
+        comm: Processes that solve together; None for all.
+
+    Returns:
+        The laws with their error bars, best first; ``report.material`` is the one to simulate with.
+
+    Raises:
+        FitError: Bad input, or no law could be fitted.
+        UnsoundError: The measurements contradict each other.
+    """
+    if isinstance(outlines, Path | str):
+        outlines = [outlines]
+    given = [outline for outline in outlines if isinstance(outline, Outline)]
+    files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
+    given = [given[i] for i in kept([(outline.source, None) for outline in given], options.without)] if given else []
+    if files or not given:
+        given += read_outlines(files, options.untrusted, options.without)
+    task = _Task(MeasuredDevice.of(device), law_choices(material, options.poisson), options, tuple(curves))
+    return task.with_outlines(given, comm or start())
+
+
+def fit_heights(
+    device: Actuator | Case | MeasuredDevice,
+    heights: Sequence[Height] | Path | str,
+    material: Laws = "yeoh",
+    options: FitOptions = DEFAULTS,
+    *,
+    comm: MPI.Comm | None = None,
+) -> Report:
+    """Fit laws to the largest deflections of a device, as the thesis did; see `fit`, whose arguments it takes.
+
+    Args:
+        device: What was inflated.
+        heights: Heights, or the table ``heights.csv`` that a measurement has written.
+        material: See `fit`.
+        options: See `fit`.
+        comm: See `fit`.
+
+    Raises:
+        FitError: Bad input, or no law could be fitted.
+        UnsoundError: The measurements contradict each other.
+    """
+    if isinstance(heights, Path | str):
+        heights = read_heights(Path(heights), options.untrusted, options.without)
+    task = _Task(MeasuredDevice.of(device), law_choices(material, options.poisson), options, ())
+    return task.with_heights(heights, comm or start())
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Task:
+    """A device, laws, and how to fit them."""
+
+    device: MeasuredDevice
+    choices: Sequence[LawChoice]
+    options: FitOptions
+    curves: tuple[TensileCurve, ...]
+
+    @property
+    def known(self) -> Expected:
+        return expected(self.options.silicone, self.device.material)
+
+    def notes(self, more: Sequence[str] = ()) -> list[str]:
+        """What is not known, and what was left out."""
+        left_out = [f"{name} is left out, as --without says" for name in self.options.without]
+        return [*filter(None, (caution(self.known), *more)), *left_out]
+
+    def changes(self, choice: LawChoice) -> Mapping[str, Mapping[str, object]]:
+        """The changes without those of other laws."""
+        foreign = all_parameters().keys() - set(choice.names)
+        return {name: change for name, change in self.options.changes.items() if name not in foreign}
+
+    def with_outlines(self, outlines: Sequence[Outline], comm: MPI.Comm) -> Report:
+        notes, rows = self.notes(), tuple[Row, ...]()
+        error, bench = StressError.from_text(self.options.stress_error), Bench(self.options.free)
+        trials: dict[str, Trial[OutlineResiduals]] = {}
+        for choice in self.choices:
+            model = self.device.model(choice, comm)
+            shapes, more = prepare(outlines, self.device.actuator, model.silhouette.width)
+            notes += [note for note in more if note not in notes]
+            sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error)
+            extra = dataclasses.replace(extra, sources=sources)
+            trial = try_outlines(model, shapes, bench, extra, self.changes(choice), self.options.loss, rows)
+            trials[choice.name], rows = trial, trial.rows
+        notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
+        robust = ", outliers counted by their size" if self.options.robust else ""
+        free = ", ".join(self.options.free) or "nothing"
+        how = f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free}"
+        report = self._report(trials, notes, how)
+        # Solved again where a profile was the last to be asked for, by all ranks together.
+        states = {law.choice.name: trials[law.choice.name].source.fittings(law.fit.values) for law in report.laws}
+        return dataclasses.replace(report, photographs=states)
+
+    def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> Report:
+        trials: dict[str, Trial[HeightResiduals]] = {}
+        for choice in self.choices:
+            model = self.device.model(choice, comm)
+            checked = check_heights(heights, model.silhouette.width)
+            trials[choice.name] = try_heights(model, checked, self.changes(choice), self.options.loss)
+        how = (
+            "mean square deviation of the largest deflections at the readings as they are, errors from the scatter and from "
+            "what the bench may get wrong"
+        )
+        return self._report(trials, self.notes([HEIGHTS_ALONE]), how)
+
+    def _report[Source: (OutlineResiduals, HeightResiduals)](
+        self, trials: Mapping[str, Trial[Source]], notes: Sequence[str], how: str
+    ) -> Report:
+        comparison = compare([trial.fit for trial in trials.values()])
+        laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
+        first = next(iter(trials.values())).source
+        device = f"{self.device.name}: {type(self.device.actuator).__name__}, {first.in_words}"
+        return Report(tuple(laws), comparison, self.curves, how, device=device, notes=tuple(notes))
+
+    def _law[Source: (OutlineResiduals, HeightResiduals)](self, trial: Trial[Source], fit: Fit) -> Fitted:
+        model = trial.source.inflation
+        choice: LawChoice = model.choice
+        strain = _largest_strain(trial.source, fit)
+        material = model.material(fit.values)
+        judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
+        law = Fitted(choice, fit, material, judge(material, strain), {}, judgement)
+        if not (law.sound and self.options.profiles):
+            return law
+        wanted = [p.name for p in fit.free if p.name in (*choice.names, "poisson")]
+        return dataclasses.replace(law, profiles={name: profile(fit, name, PROFILE_POINTS) for name in wanted})
+
+
+def _largest_strain(source: OutlineResiduals | HeightResiduals, fit: Fit) -> float:
+    """Largest I1 - 3 of the device in the state of the largest deflection."""
+    from softmodels.results.fields import Fields
+
+    state = source.largest_state(fit.values)
+    source.inflation.take(fit.values)
+    stretch = Fields(source.inflation.equilibrium).figures(state).max_stretch
+    return 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
