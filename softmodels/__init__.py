@@ -33,6 +33,10 @@ _PLACES = {
     "softmodels.mechanics.sheet": ("Sheet",),
     "softmodels.path.syringe": ("Syringe", "SupplyError"),
     "softmodels.case.case": ("Case", "CaseError"),
+    "softmodels.fitting.problem": ("FitError",),
+    "softmodels.fitting.options": ("FitOptions",),
+    "softmodels.fitting.outlines.fit_device": ("fit", "fit_heights"),
+    "softmodels.fitting.curves.fit_curves": ("fit_curves",),
     "softmodels.results.limits": ("Limit",),
     "softmodels.results.outcomes": ("RunError",),
     "softmodels.results.store": ("ResultsError",),
@@ -53,6 +57,11 @@ if TYPE_CHECKING:
     from geometries import SeminarActuator as SeminarActuator
     from softmodels.case.case import Case as Case
     from softmodels.case.case import CaseError as CaseError
+    from softmodels.fitting.curves.fit_curves import fit_curves as fit_curves
+    from softmodels.fitting.options import FitOptions as FitOptions
+    from softmodels.fitting.outlines.fit_device import fit as fit
+    from softmodels.fitting.outlines.fit_device import fit_heights as fit_heights
+    from softmodels.fitting.problem import FitError as FitError
     from softmodels.materials.laws import Gent as Gent
     from softmodels.materials.laws import Material as Material
     from softmodels.materials.laws import MaterialError as MaterialError

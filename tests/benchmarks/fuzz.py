@@ -187,8 +187,9 @@ class Bench:
         wrote = Actuator.write
         with (
             mock.patch("softmodels.cli.run.run", run), mock.patch("softmodels.cli.limit_command.find_limit", accepted),
-            mock.patch("softmodels.cli.fit_command.fit_law", accepted),
-            mock.patch("softmodels.cli.outline_command.device_report", accepted),
+            mock.patch("softmodels.cli.fit_command.fit_curves", accepted),
+            mock.patch("softmodels.cli.fit_command.fit", accepted),
+            mock.patch("softmodels.cli.fit_command.fit_heights", accepted),
             mock.patch.object(Actuator, "write", write),
         ):  # fmt: skip
             yield
