@@ -18,19 +18,17 @@ from measurement.own_folder import OwnFolderError
 from measurement.result_folder import ResultFolder
 from measurement.units import UnitError
 from softmodels.case.case import Case, CaseError
-from softmodels.cli.fit_options import curve_changes, device_changes, fit_options, free_of_bench
+from softmodels.cli.fit_options import curve_changes, device_changes, fit_options
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
-from softmodels.fitting.believable import expected
 from softmodels.fitting.curves.contradiction import own_file
 from softmodels.fitting.curves.curve import TensileError
 from softmodels.fitting.curves.fit import StressError
 from softmodels.fitting.curves.fit_curves import fit_curves
 from softmodels.fitting.files import name_of, retire, write_materials
 from softmodels.fitting.law_parameters import known_laws, law_choices
-from softmodels.fitting.outlines.data import OutlineFitError, read_outlines
+from softmodels.fitting.outlines.data import OutlineFitError
 from softmodels.fitting.outlines.fit_device import fit, fit_heights
-from softmodels.fitting.outlines.heights import read_heights
 from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError
 from softmodels.fitting.report import Report
 from softmodels.fitting.tables import as_json, as_text, material_toml, write_curves
@@ -173,34 +171,26 @@ def _report(options: dict[str, Any]) -> Report:
 def _device_report(options: dict[str, Any]) -> Report:
     check_curves_given(options)
     curves = read_curves(options) if options["tensile"] else []
-    law_choices(options["laws"], options["poisson"])
     StressError.from_text(options["stress_error"])
     file, *files = options["files"]
     try:
         case = Case.from_file(file)
     except CaseError as error:
         raise FitError(str(error)) from None
-    free_of_bench(options)
-    outlines, heights = [], []
-    if options["heights"] is not None:
-        if files:
-            raise OutlineFitError("fit either whole outlines or --heights: one would count the other twice")
-        if options["tensile"]:
-            raise OutlineFitError(
-                "heights alone have no errors to weigh tensile curves with; give outlines, or fit them apart"
-            )
-        heights = read_heights(options["heights"], options["untrusted"], options["without"])
-    elif not files:
+    if options["heights"] is not None and files:
+        raise OutlineFitError("fit either whole outlines or --heights: one would count the other twice")
+    if options["heights"] is not None and options["tensile"]:
+        raise OutlineFitError(
+            "heights alone have no errors to weigh tensile curves with; give outlines, or fit them apart"
+        )
+    if options["heights"] is None and not files:
         raise OutlineFitError(f"{file} says what was inflated; give its outlines too, or --heights heights.csv")
-    else:
-        outlines = read_outlines(files, options["untrusted"], options["without"])
-    expected(options["silicone"], case.material)
     how = fit_options(options, device_changes(options, case.actuator.variable))
     comm = start()
     abort_on_error(comm)
     if options["heights"] is not None:
-        return fit_heights(case, heights, options["laws"], how, comm=comm)
-    return fit(case, outlines, options["laws"], how, curves=curves, comm=comm)
+        return fit_heights(case, options["heights"], options["laws"], how, comm=comm)
+    return fit(case, files, options["laws"], how, curves=curves, comm=comm)
 
 
 def write(report: Report, folder: Path, draw: bool) -> None:

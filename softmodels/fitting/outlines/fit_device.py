@@ -71,9 +71,10 @@ def fit(
         outlines = [outlines]
     given = [outline for outline in outlines if isinstance(outline, Outline)]
     files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
-    given = [given[i] for i in kept([(outline.source, None) for outline in given], options.without)] if given else []
     if files or not given:
         given += read_outlines(files, options.untrusted, options.without)
+    else:
+        given = [given[i] for i in kept([(outline.source, None) for outline in given], options.without)]
     task = _Task(MeasuredDevice.of(device), law_choices(material, options.poisson), options, tuple(curves))
     return task.with_outlines(given, comm or start())
 
