@@ -11,6 +11,7 @@ from softmodels.fitting.comparison import MOST_RATIO, compare
 from softmodels.fitting.curves.contradiction import contradictions
 from softmodels.fitting.curves.curve import TensileCurve, read_curve
 from softmodels.fitting.curves.fit import StressError, fit_law, residuals_of
+from softmodels.fitting.curves.fit_curves import prepared
 from softmodels.fitting.curves.thinning import MOST_POINTS, thinned
 from softmodels.fitting.curves.yardstick import STEPS, evened, on_yardstick
 from softmodels.fitting.law_parameters import LawChoice
@@ -60,6 +61,18 @@ def judged_all_ways(curve, noise, laws=LAWS):
             found[count, error] = law
             assert rms[law] < 3 * min(rms.values()), (count, error, rms)
     return found
+
+
+def test_curves_are_averaged_once():
+    """A sharp bend keeps more than `MOST_POINTS` averages, which must not be averaged again."""
+    curve = sampled(strip(12.0), READINGS[0])
+    bent = dataclasses.replace(
+        curve, stress=curve.stress + 0.3 * curve.stress.max() * (1 + np.tanh(400 * (curve.stretch - 3.0)))
+    )
+    (once,) = prepared([bent])
+    assert len(once.stretch) > MOST_POINTS
+    (twice,) = prepared([once])
+    assert twice is once
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-3, 2e-2])

@@ -29,7 +29,7 @@ LARGEST_RATIO = 100.0
 
 
 def prepared(curves: Sequence[TensileCurve], stretch: tuple[float, float] | None = None) -> list[TensileCurve]:
-    """Curves of one material within a range of stretch, dense ones averaged (see `thinned`).
+    """Curves of one material within a range of stretch, dense ones averaged (see `thinned`), averaged ones as they are.
 
     Raises:
         TensileError: They cannot be one material's, or too few points are left.
@@ -41,7 +41,8 @@ def prepared(curves: Sequence[TensileCurve], stretch: tuple[float, float] | None
             f"{low} begins with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} kPa; "
             "they cannot be one material, so check their units"
         )
-    return [thinned(curve if stretch is None else curve.within(*stretch)) for curve in curves]
+    within = [curve if stretch is None else curve.within(*stretch) for curve in curves]
+    return [thinned(curve) if curve.noise is None else curve for curve in within]
 
 
 def fit_curves(
