@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
-from measurement.outline import Outline
+from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.fitting.believable import Expected, caution, expected, hold_against, stretch_of
 from softmodels.fitting.comparison import compare
