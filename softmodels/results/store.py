@@ -7,10 +7,8 @@ gathers the steps into one HDF5 file. Only rank 0 has one of these; nothing here
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import errno
-import io
 import json
 import os
 import shutil
@@ -27,15 +25,12 @@ from softmodels.results.picture_files import picture_folder
 from softmodels.results.row import Row
 from softmodels.results.stored_step import RESTART, ROW, StoredStep, read_step, shapes_of
 from softmodels.results.writing import hdf5_reason, replace, replace_hdf5, write_text
-from softmodels.results.xdmf import xdmf
 
 if TYPE_CHECKING:
     import h5py
 
 FORMAT = 3
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
-KEPT = 8
-"""Steps at the end of a gathered run that keep those fields: it is gone on with from there."""
 RUN, BRANCH = "run", "branch/"
 """What a folder's record calls a run; the folder inside for a branch that leaves its path."""
 
@@ -85,7 +80,16 @@ class Results:
     def files(self) -> list[str]:
         """Names of what a run writes, pictures aside."""
         name = self.name
-        return ["case.toml", f"{name}.h5", f"{name}.xdmf", "path.csv", "summary.json", f"{name}.msh", f"{name}.steps/"]
+        return [
+            "case.toml",
+            f"{name}.h5",
+            f"{name}.xdmf",
+            f"{name}.vtkhdf",
+            "path.csv",
+            "summary.json",
+            f"{name}.msh",
+            f"{name}.steps/",
+        ]
 
     def prepare(self, about: Mapping[str, Any]) -> None:
         """Begin new results aside of the earlier ones, which stay until the first step is stored.
@@ -252,7 +256,7 @@ class Results:
         Raises:
             OSError: There is no room for it; all steps stay where they are.
         """
-        import h5py
+        from softmodels.results.data_files import write_gathered
 
         size = sum(
             (self.folder / file).stat().st_size for file in {self.heavy.name, *(stored.file for stored in self.stored)}
@@ -261,41 +265,21 @@ class Results:
         if shutil.disk_usage(self.folder).free < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-        def fill(path: Path) -> None:
-            with h5py.File(path, "w") as file:
-                with h5py.File(self.heavy) as old:
-                    old.copy("mesh", file)
-                    file.attrs["format"] = old.attrs.get("format", 0)
-                for number, stored in enumerate(self.stored):
-                    with h5py.File(self.folder / stored.file) as source:
-                        group = file.create_group(f"steps/{number:04d}")
-                        part = source[stored.group] if stored.group else source
-                        kept = number >= len(self.stored) - KEPT
-                        for name in part:
-                            if kept or not name.startswith(RESTART):
-                                part.copy(name, group)
-                        for key, value in part.attrs.items():
-                            group.attrs[key] = value
-
-        try:
-            replace(self.heavy, fill)
-        except (OSError, RuntimeError) as error:
-            raise OSError(errno.EIO, hdf5_reason(error)) from error
-        self.stored = [
+        gathered = [
             dataclasses.replace(stored, file=self.heavy.name, group=f"/steps/{number:04d}")
             for number, stored in enumerate(self.stored)
         ]
-        self.write_light()
+
+        try:
+            replace(self.heavy, lambda path: write_gathered(path, self.heavy, self._shapes, self.stored, gathered))
+        except (OSError, RuntimeError) as error:
+            raise OSError(errno.EIO, hdf5_reason(error)) from error
+        self.stored = gathered
+        self.write_light(gathered=True)
         remove_steps(self.steps)
 
-    def write_light(self) -> None:
-        """Write ``path.csv`` and the XDMF anew."""
-        text = io.StringIO(newline="")
-        writer = csv.DictWriter(text, fieldnames=list(self.stored[0].row), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(row.cells for row in self.rows)
-        replace(self.folder / "path.csv", lambda path: path.write_text(text.getvalue()))
-        replace(
-            self.folder / f"{self.name}.xdmf",
-            lambda path: path.write_bytes(xdmf(self.name, self.heavy.name, self._shapes, self.stored)),
-        )
+    def write_light(self, gathered: bool = False) -> None:
+        """Write ``path.csv``, the XDMF and the light VTKHDF anew; ``gathered`` is whether the HDF5 file has all steps."""
+        from softmodels.results.data_files import write_light
+
+        write_light(self.heavy, self._shapes, self.stored, gathered)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 RESTART = "restart"
 """What of a step is for a restart alone: its attribute, and the beginning of its fields' names."""
+KEPT = 8
+"""Steps at the end of a gathered run that keep what a restart needs: it is gone on with from there."""
 ROW = "row"
 
 

@@ -14,8 +14,9 @@ import numpy.typing as npt
 from softmodels.case.case import Case
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.row import Row
-from softmodels.results.store import KEPT, RESTART, Results
+from softmodels.results.store import RESTART, Results
 from softmodels.results.stored import States
+from softmodels.results.stored_step import KEPT
 from softmodels.runs.simulation import Simulation, Step
 
 if TYPE_CHECKING:

@@ -63,7 +63,7 @@ def test_resumed_equals_uninterrupted(name, tmp_path, monkeypatch):
     from softmodels.cli.run import run
 
     monkeypatch.setattr(
-        "softmodels.results.store.KEPT", 1000
+        "softmodels.results.data_files.KEPT", 1000
     )  # the whole run's steps as they were before they were gathered
 
     case = Case.from_toml(CASES[name])

@@ -1,0 +1,88 @@
+"""VTKHDF of a run: the group that ParaView and VTK read, made of references to what is stored already.
+
+https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/ : an unstructured grid with steps. The grid is there once;
+a nodal field is one array over all steps, which here is a virtual dataset: HDF5 reads it piece by piece from where each step
+lies, in this file or another beside it. Nothing is stored twice, and the light file can be replaced whole after each step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import h5py
+import numpy as np
+
+from softmodels.results.stored_step import StoredStep
+
+VERSION = (2, 2)
+GROUP = "VTKHDF"
+HERE = "."
+"""HDF5's name of the file that a reference stands in."""
+CELL_TYPES = {"Triangle_6": 22, "Tetrahedron_10": 24}
+"""VTK's numbers of the cells, by XDMF's names."""
+Shapes = tuple[int, tuple[int, ...], str]
+"""Number of points, shape of the cells (c, k), and XDMF's name of them."""
+
+
+def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[StoredStep]) -> None:
+    """Add the group to an HDF5 file.
+
+    Args:
+        file: Where to.
+        heavy: The file with the grid, relative to this one's folder, or `HERE`. Steps whose file it is are `HERE` then too.
+        shapes: Of the grid.
+        stored: Where each step's fields are.
+    """
+    points, (cells, corners), cell_name = shapes
+    group = file.create_group(GROUP)
+    group.attrs["Version"] = np.array(VERSION)
+    group.attrs.create("Type", np.bytes_("UnstructuredGrid"))
+    sizes = {"NumberOfPoints": points, "NumberOfCells": cells, "NumberOfConnectivityIds": cells * corners}
+    for name, size in sizes.items():
+        group[name] = np.array([size])
+    group["Points"] = file["mesh/points"] if heavy == HERE else h5py.ExternalLink(heavy, "/mesh/points")
+    _flat(group, "Connectivity", heavy, "/mesh/cells", (cells, corners))
+    small = {"compression": "gzip", "shuffle": True}
+    group.create_dataset("Offsets", data=np.arange(cells + 1) * corners, **small)
+    group.create_dataset("Types", data=np.full(cells, CELL_TYPES[cell_name], dtype=np.uint8), **small)
+    steps = group.create_group("Steps")
+    steps.attrs["NSteps"] = len(stored)
+    steps["Values"] = np.array([step.row["step"] for step in stored], dtype=float)
+    none = np.zeros(len(stored), dtype=np.int64)
+    steps["NumberOfParts"] = none + 1
+    steps["PartOffsets"], steps["PointOffsets"] = none, none  # always the same grid
+    steps["CellOffsets"], steps["ConnectivityIdOffsets"] = none[:, None], none[:, None]
+    data, offsets = group.create_group("PointData"), steps.create_group("PointDataOffsets")
+    names = {name: shape for step in stored for name, shape in step.shapes.items()}
+    for name in sorted(names):
+        layout, starts = _over_steps(name, names[name], stored, heavy)
+        data.create_virtual_dataset(name, layout, fillvalue=0.0)
+        offsets[name] = starts
+
+
+def _over_steps(
+    name: str, shape: tuple[int, ...], stored: Sequence[StoredStep], heavy: str
+) -> tuple[h5py.VirtualLayout, np.ndarray]:
+    """A field over all steps, and where each step's values begin; steps without it have zeros, which nothing stores."""
+    having = [step for step in stored if name in step.shapes]
+    points = shape[0]
+    blocks = len(having) + (len(having) < len(stored))
+    layout = h5py.VirtualLayout((blocks * points, *shape[1:]), np.float64)
+    for block, step in enumerate(having):
+        place = HERE if heavy == HERE else step.file
+        layout[block * points : (block + 1) * points] = h5py.VirtualSource(place, f"{step.group}/{name}", shape)
+    place_of = {id(step): block for block, step in enumerate(having)}
+    return layout, np.array([place_of.get(id(step), len(having)) * points for step in stored], dtype=np.int64)
+
+
+def _flat(group: h5py.Group, name: str, file: str, path: str, shape: tuple[int, int]) -> None:
+    """A one-dimensional virtual dataset over a whole two-dimensional one of 64-bit integers."""
+    flat = h5py.h5s.create_simple((shape[0] * shape[1],))
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_virtual(flat, file.encode(), path.encode(), h5py.h5s.create_simple(shape))
+    h5py.h5d.create(group.id, name.encode(), h5py.h5t.NATIVE_INT64, flat, properties)
+
+
+def link_vtkhdf(file: h5py.File, heavy: str) -> None:
+    """The light file of a run that is gathered: its group is in the file with the grid and all steps."""
+    file[GROUP] = h5py.ExternalLink(heavy, f"/{GROUP}")
