@@ -19,6 +19,7 @@ from geometries.meshing import private_model
 from softmodels.case.case import Case
 from softmodels.case.material_table import DEFAULT
 from softmodels.pictures.rendering import can_render
+from softmodels.results.row import Row
 from softmodels.results.store import Results
 
 DISK = ("-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures")
@@ -161,7 +162,7 @@ def made_up(folder, device, name="disk"):
             "of_tomorrow_N": 1.0 / 3.0 + k,
         }
         fields = {"displacement": displacement(device, points, share), "von_mises_stress": stress}
-        results.add(row, {**fields, "p": stress, "largest_stretch": 1 + 1e-5 * stress, "J": 1 + 0 * stress}, {})
+        results.add(Row(row), {**fields, "p": stress, "largest_stretch": 1 + 1e-5 * stress, "J": 1 + 0 * stress}, {})
     results.finish()
     return folder
 

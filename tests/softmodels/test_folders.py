@@ -25,6 +25,7 @@ from softmodels.case.material_table import DEFAULT
 from softmodels.cli.options import main
 from softmodels.disk import command
 from softmodels.mechanics.contact import Obstacle
+from softmodels.results.row import Row
 from softmodels.results.store import Results
 
 BASIC = ["--section=axisymmetric", "--no-pictures", "--quiet"]
@@ -309,7 +310,7 @@ def few_new(tmp_path, monkeypatch):
         (results.folder / "case.toml").write_text(str(first))
         for step in range(steps):
             fields = {"displacement": np.full((6, 3), first + step), "p": np.full(6, float(step))}
-            results.add({"step": step, "pressure_cm": first}, fields, {"P": step})
+            results.add(Row({"step": step, "pressure_cm": first}), fields, {"P": step})
 
     write(3, 1.0)
     made[-1].own.claim(["summary.json"])

@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 
+from softmodels.results.row import Row
 from softmodels.results.store import Results, ResultsError
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
@@ -138,7 +139,7 @@ def few(tmp_path):
     results.begin(np.zeros((6, 3)), np.arange(6).reshape(1, 6), "Triangle_6")
     for step in range(3):
         fields = {"displacement": np.full((6, 3), step), "p": np.full(6, float(step))}
-        results.add({"step": step, "pressure_cm": 10.0 * step}, fields, {"P": step})
+        results.add(Row({"step": step, "pressure_cm": 10.0 * step}), fields, {"P": step})
     return results
 
 

@@ -117,7 +117,7 @@ def test_pages_of_fits_and_photographs_fit_a_phone_and_paper():
 def test_the_page_fits_a_phone_and_paper(pressed):
     text = page(pressed)
     assert 'name="viewport" content="width=device-width' in text
-    style = resources.files("softmodels").joinpath("report.css").read_text()
+    style = resources.files("softmodels.pictures").joinpath("report.css").read_text()
     assert style in text
     for rule in (
         r"img\{max-width:100%",
