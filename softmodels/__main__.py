@@ -10,6 +10,7 @@ from softmodels.mechanics.mpi import speaks
 with stoppable("softmodels", speaks):
     import click
 
+    from softmodels import __version__
     from softmodels.case.case import Case
     from softmodels.cli import limit_command
     from softmodels.cli import options as commandline
@@ -22,6 +23,7 @@ with stoppable("softmodels", speaks):
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="softmodels")
 def softmodels() -> None:
     """Simulate pneumatic soft actuators.
 

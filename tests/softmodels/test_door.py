@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ BALLOONS = sm.HollowDisk(membrane=1e-3, **COARSE)
 HEAD = """
 import os
 import sys
+import tomllib
 from pathlib import Path
 
 import softmodels as sm
@@ -330,3 +332,11 @@ if MPI.COMM_WORLD.rank == 0:
     state, limit = ballooned.at("20 cm"), ballooned.limit.pressure
     expected = [ballooned.pressure.max(), limit, limit, state.von_mises.max(), state.added_volume, len(ballooned)]
     assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_versions_agree_and_the_packages_are_typed():
+    top = Path(sm.__file__).parents[1]
+    told = subprocess.run([sys.executable, "-m", "softmodels", "--version"], capture_output=True, text=True, check=True)
+    assert told.stdout == f"softmodels, version {sm.__version__}\n"
+    assert tomllib.loads((top / "pyproject.toml").read_text())["project"]["version"] == sm.__version__
+    assert all((top / package / "py.typed").exists() for package in ("softmodels", "geometries", "measurement"))
