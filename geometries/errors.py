@@ -1,6 +1,10 @@
 """What can go wrong with a geometry: parameters that make no device, a mesher that gives up, a file that is no mesh."""
 
 
+class FieldError(ValueError):
+    """A value that its field cannot take, or an entry that no field has; the message is a sentence for the user."""
+
+
 class GeometryError(ValueError):
     """Parameters that make no device; the message is a sentence for the user naming the field and its value."""
 

@@ -1,32 +1,57 @@
 """Parameters that know their unit, so that checks, command lines and settings files need no list of their own.
 
-A device declares ``membrane: float = length_field(0.006, "thickness of the membrane")``. The unit, the help text and
-the limits travel in the dataclass field's metadata, and `settle` checks every field of every device the same way.
+A device declares ``membrane: float = length_field(0.006, "thickness of the membrane")``. The kind and the help text travel in
+the dataclass field's metadata, and `settle` checks every field of every device the same way. A case's supply, sheet and
+contact do the same.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
-import numbers
+from collections.abc import Mapping
 from typing import Any
 
-from geometries.errors import GeometryError
+from geometries.errors import FieldError, GeometryError
+from geometries.kinds import LONGEST, Choice, Kind, Length, Quantity, Several, Words, shown
 
-SHORTEST = 1e-5
-"""Shortest length in m: the CAD kernel merges points closer than about 0.1 micrometre."""
-
-LONGEST = 10.0
-"""Longest length in m; anything above it is a number typed in another unit."""
+__all__ = ["LONGEST", "About", "about", "angle_field", "choice_field", "field_of", "length_field", "list_field", "number_field",
+           "settle", "shown", "text_field"]  # fmt: skip
 
 
-ROUNDING = 1e-9
-"""Share by which a value may pass a bound: 10 um is 9.999999999999999e-06 m."""
+@dataclasses.dataclass(frozen=True)
+class About:
+    """What a field's metadata hold.
+
+    Attributes:
+        kind: Of its values.
+        help: What it is, a clause.
+        unless: Name and value of another field with which it means nothing.
+        key: Its name in settings files; the field's if empty.
+        option: Its name on command lines; the key if empty.
+        per_option: Value in the file's unit of an option's 1, where the two are counted in different units.
+    """
+
+    kind: Kind
+    help: str
+    unless: tuple[str, str] | None = None
+    key: str = ""
+    option: str = ""
+    per_option: float = 1.0
+
+
+def field_of(kind: Kind, text: str, default: Any = dataclasses.MISSING, **more: Any) -> Any:
+    """Return a dataclass field; ``more`` are further attributes of `About`."""
+    return dataclasses.field(default=default, metadata={"about": About(kind, text, **more)})
+
+
+def about(thing: Any) -> Mapping[str, About]:
+    """What is known of the fields of a dataclass or of a value of one, by name."""
+    return {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
 
 
 def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False) -> Any:
     """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones."""
-    return dataclasses.field(default=default, metadata={"unit": "m", "help": text, "zero": zero, "signed": signed})
+    return field_of(Length(zero=zero, signed=signed), text, default)
 
 
 def angle_field(default: float, text: str, *, unless: tuple[str, str] | None = None) -> Any:
@@ -37,94 +62,43 @@ def angle_field(default: float, text: str, *, unless: tuple[str, str] | None = N
         text: What it is.
         unless: Name and value of another field with which it means nothing.
     """
-    return dataclasses.field(default=default, metadata={"unit": "degree", "help": text, "unless": unless})
+    return field_of(Quantity("degree"), text, default, unless=unless)
 
 
 def number_field(default: float, text: str) -> Any:
     """Return a dataclass field for a pure number."""
-    return dataclasses.field(default=default, metadata={"unit": "", "help": text})
+    return field_of(Quantity(), text, default)
 
 
-def choice_field(default: Any, choices: tuple[Any, ...], text: str) -> Any:
+def choice_field(default: str | int, choices: tuple[str | int, ...], text: str) -> Any:
     """Return a dataclass field that takes one of ``choices`` (all of one type)."""
-    return dataclasses.field(default=default, metadata={"unit": "", "help": text, "choices": choices})
+    return field_of(Choice(choices), text, default)
 
 
 def text_field(default: str, text: str) -> Any:
     """Return a dataclass field for a text."""
-    return dataclasses.field(default=default, metadata={"unit": "", "help": text, "kind": "text"})
+    return field_of(Words(), text, default)
 
 
-def list_field(default: tuple[Any, ...], text: str, *, numbers: bool = False) -> Any:
+def list_field(default: tuple[str, ...] | tuple[float, ...], text: str, *, numbers: bool = False) -> Any:
     """Return a dataclass field for any number of texts, or of pure numbers."""
-    kind = "numbers" if numbers else "texts"
-    return dataclasses.field(default=default, metadata={"unit": "", "help": text, "kind": kind})
+    return field_of(Several(Quantity() if numbers else Words()), text, default)
 
 
-def shown(value: Any, unit: str) -> str:
-    """Return a value as a person would write it, for example ``"20 mm"`` for 0.02 in ``"m"``."""
-    if not isinstance(value, int | float):
-        return repr(value)
-    from measurement.units import readable  # not above: whoever imports the devices need not have pint
-
-    return readable(value, unit)
-
-
-def settle(device: Any) -> None:
+def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:
     """Turn every field of a frozen dataclass into a plain float, int, str or tuple of them and check what needs no other field.
 
     Plain types make equal devices compare, print and hash equally whether a caller wrote 45, 45.0 or a NumPy scalar.
 
+    Args:
+        thing: The value.
+        error: What is raised.
+
     Raises:
-        GeometryError: Wrong type, not finite, not one of the choices, or a length out of `SHORTEST`...`LONGEST`.
+        ValueError: Of the class ``error``: wrong type, not finite, not one of the choices, or a length that none can have.
     """
-    for field in dataclasses.fields(device):
-        value = getattr(device, field.name)
-        settled = _settled(field.name, value, field.metadata)
-        object.__setattr__(device, field.name, settled)
-
-
-def _settled(name: str, value: Any, meta: Any) -> Any:
-    unit = meta["unit"]
-    if "choices" in meta:
-        for known in meta["choices"]:
-            if value == known and not isinstance(value, bool):
-                return known
-        raise GeometryError(f"{name} is {value!r}; it must be one of {', '.join(map(str, meta['choices']))}")
-    if meta.get("kind") == "text":
-        if not isinstance(value, str):
-            raise GeometryError(f"{name} is {value!r}; it must be a text")
-        return value
-    if "kind" in meta:
-        return _settled_list(name, value, meta["kind"])
-    if not isinstance(value, numbers.Real) or isinstance(value, bool):
-        raise GeometryError(f"{name} is {value!r}; it must be a number{' in ' + unit if unit else ''}")
-    plain = float(value)
-    if not math.isfinite(plain):
-        raise GeometryError(f"{name} is {plain}; it must be a finite number")
-    if unit == "m":
-        _check_length(name, abs(plain) if meta.get("signed") else plain, meta["zero"])
-    return plain
-
-
-def _settled_list(name: str, value: Any, kind: str) -> tuple[Any, ...]:
-    wanted: Any = str if kind == "texts" else numbers.Real
-    if not isinstance(value, list | tuple) or not all(
-        isinstance(item, wanted) and not isinstance(item, bool) for item in value
-    ):
-        raise GeometryError(f"{name} is {value!r}; it must be a list of {kind}, such as [...]")
-    settled = tuple(item if kind == "texts" else float(item) for item in value)
-    if kind == "numbers" and not all(math.isfinite(item) for item in settled):
-        raise GeometryError(f"{name} is {value!r}; it must hold finite numbers")
-    return settled
-
-
-def _check_length(name: str, value: float, zero: bool) -> None:
-    if zero and value == 0.0:
-        return
-    if value <= 0.0:
-        raise GeometryError(f"{name} is {shown(value, 'm')}; it must be {'0 or more' if zero else 'larger than 0'}")
-    if value < SHORTEST * (1 - ROUNDING):
-        raise GeometryError(f"{name} is {value * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled")
-    if value > LONGEST * (1 + ROUNDING):
-        raise GeometryError(f"{name} is {shown(value, 'm')}; above {LONGEST:g} m this looks like a mistaken unit")
+    for name, field in about(thing).items():
+        try:
+            object.__setattr__(thing, name, field.kind.settled(name, getattr(thing, name)))
+        except FieldError as wrong:
+            raise error(str(wrong)) from None

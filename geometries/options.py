@@ -1,8 +1,7 @@
-"""Command-line options made from a device's fields, so that a new parameter is an option the moment it exists."""
+"""Command-line options made from a dataclass's fields, so that a new parameter is an option the moment it exists."""
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -11,11 +10,23 @@ import click
 
 from geometries.actuator import Actuator
 from geometries.errors import GeometryError
-from geometries.fields import shown
+from geometries.fields import About, about
+from geometries.kinds import Choice, Flag, Kind, Quantity, Several, Words, shown
 from geometries.table import device_from, from_table, to_table
 from measurement.units import UnitError, quantity
 
-__all__ = ["QuantityType", "check_meaning", "device_from", "device_options", "device_told", "from_table", "to_table"]
+__all__ = [
+    "QuantityType",
+    "check_meaning",
+    "device_from",
+    "device_options",
+    "device_told",
+    "field_option",
+    "flag",
+    "from_table",
+    "given",
+    "to_table",
+]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -26,7 +37,7 @@ class QuantityType(click.ParamType):
     def __init__(self, unit: str) -> None:
         """Args: unit: Unit of the value in Pint's spelling; ``""`` for a pure number."""
         self.unit = unit
-        self.name = {"m": "length", "degree": "angle", "": "number"}.get(unit, unit)
+        self.name = {"m": "length", "degree": "angle", "m^3": "volume", "Pa": "pressure", "": "number"}.get(unit, unit)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         if isinstance(value, int | float):
@@ -37,26 +48,87 @@ class QuantityType(click.ParamType):
             self.fail(str(error), param, ctx)
 
 
+@functools.singledispatch
+def _type(kind: Kind) -> click.ParamType:
+    """The type that click gives the option of a kind of value."""
+    return click.STRING
+
+
+@_type.register
+def _(kind: Quantity) -> click.ParamType:
+    return QuantityType(kind.unit)
+
+
+@_type.register
+def _(kind: Choice) -> click.ParamType:
+    return click.Choice([str(known) for known in kind.choices])
+
+
+@_type.register
+def _(kind: Flag) -> click.ParamType:
+    return click.BOOL
+
+
+@_type.register
+def _(kind: Several) -> click.ParamType:
+    return _type(kind.of)
+
+
+def flag(name: str) -> str:
+    """An option as it is typed."""
+    return f"--{name.replace('_', '-')}"
+
+
+def field_option(
+    name: str, field: About, default: object = None, metavar: str | None = None
+) -> Callable[[Command], Command]:
+    """The option of a field; its value is None unless given, in the unit of the field's kind.
+
+    Args:
+        name: The option's.
+        field: What is known of the field.
+        default: What stands in the help as the default; nothing if None.
+        metavar: What stands for its value in the help.
+    """
+    kind, text = field.kind, f"{field.help[0].upper()}{field.help[1:]}."
+    if isinstance(kind, Flag):
+        return click.option(flag(name), name, is_flag=True, default=None, help=text)
+    text += "  [may be given again]" if kind.several else ""
+    text += "" if default is None else f"  [default: {_friendly(default, kind.unit)}]"
+    return click.option(
+        flag(name), name, type=_type(kind), metavar=metavar, default=None, help=text, multiple=kind.several,
+        callback=functools.partial(_typed, kind),
+    )  # fmt: skip
+
+
 def device_options(device: type[Actuator]) -> Callable[[Command], Command]:
     """Return a decorator that adds ``--variant`` and one option per field to a click command.
 
     Every option is None unless given, so that `device_from` can lay the given ones over the variant.
 
     Args:
-        device: The class, one of `geometries.ACTUATORS`.
+        device: The class.
     """
+
+    def default(name: str, kind: Kind) -> object:
+        return None if kind.several or isinstance(kind, Words) else getattr(device, name, None)
+
     options = [
         click.option("--variant", type=click.Choice(list(device.variants)), help=_variant_help(device)),
-        *(_option(field) for field in dataclasses.fields(device)),
+        *(field_option(name, field, default(name, field.kind)) for name, field in about(device).items()),
     ]
 
     def decorate(command: Command) -> Command:
-        # click lists the option added last first.
-        for option in reversed(options):
+        for option in reversed(options):  # click lists the option added last first
             command = option(command)
         return command
 
     return decorate
+
+
+def given(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of a command's values that were given."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def device_told(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
@@ -80,45 +152,22 @@ def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
     Raises:
         GeometryError: The first of them.
     """
-    for field in dataclasses.fields(made):
-        other = field.metadata.get("unless")
-        if other and values.get(field.name) is not None and getattr(made, other[0]) == other[1]:
+    for name, field in about(made).items():
+        if field.unless and values.get(name) is not None and getattr(made, field.unless[0]) == field.unless[1]:
             raise GeometryError(
-                f"--{field.name.replace('_', '-')} means nothing with --{other[0]} {other[1]}; leave one of them out"
+                f"{flag(name)} means nothing with --{field.unless[0]} {field.unless[1]}; leave one of them out"
             )
 
 
-def _option(field: dataclasses.Field[Any]) -> Callable[[Command], Command]:
-    meta = field.metadata
-    kind: Any = QuantityType(meta["unit"])
-    if "choices" in meta:
-        kind = click.Choice([str(known) for known in meta["choices"]])
-    text = f"{meta['help'][0].upper()}{meta['help'][1:]}."
-    flag = f"--{field.name.replace('_', '-')}"
-    if "kind" in meta:
-        several = meta["kind"] != "text"
-        kind = QuantityType("") if meta["kind"] == "numbers" else click.STRING
-        text += "  [may be given again]" if several else ""
-        return click.option(
-            flag,
-            field.name,
-            type=kind,
-            default=None,
-            help=text,
-            multiple=several,
-            callback=lambda ctx, param, v: v or None,
-        )
-    text += f"  [default: {_friendly(field.default, meta['unit'])}]"
-    return click.option(flag, field.name, type=kind, default=None, help=text, callback=functools.partial(_typed, meta))
-
-
-def _typed(meta: Mapping[str, Any], ctx: click.Context, param: click.Parameter, value: Any) -> Any:
-    """Turn the text of a choice back into the choice, which may be a number."""
-    return next((known for known in meta.get("choices", ()) if str(known) == value), value)
+def _typed(kind: Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+    """Turn the text of a choice back into the choice, which may be a number; several that are none into None."""
+    if isinstance(kind, Choice):
+        return next((known for known in kind.choices if str(known) == value), value)
+    return (value or None) if kind.several else value
 
 
 def _variant_help(device: type[Actuator]) -> str:
-    units = {field.name: field.metadata["unit"] for field in dataclasses.fields(device)}
+    units = {name: field.kind.unit for name, field in about(device).items()}
     parts = ["Parameters to start from; the options below change single ones."]
     for name, changes in device.variants.items():
         if changes:

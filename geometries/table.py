@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
+from geometries import codec
 from geometries.actuator import Actuator
-from geometries.errors import GeometryError
+from geometries.errors import FieldError, GeometryError
+from geometries.fields import about
+from geometries.kinds import Text
 from geometries.registry import ACTUATORS
-from measurement.units import UnitError, brief, exact_text, quantity
+from measurement.units import exact_text
 
 
-def to_table(actuator: Actuator, text: Callable[[float, str], str] = exact_text) -> dict[str, Any]:
+def to_table(actuator: Actuator, text: Text = exact_text) -> dict[str, Any]:
     """Return a device's parameters, ready for a TOML table.
 
     Args:
@@ -23,14 +25,7 @@ def to_table(actuator: Actuator, text: Callable[[float, str], str] = exact_text)
         The device's name under ``"device"``, then every field: lengths and angles as text with a unit ("20 mm"), pure
         numbers as numbers, choices, texts and lists as they are. `from_table` gives back an equal device.
     """
-    table: dict[str, Any] = {"device": type(actuator).__name__}
-    for field in dataclasses.fields(actuator):
-        value = getattr(actuator, field.name)
-        unit = field.metadata["unit"]
-        if isinstance(value, tuple):
-            value = list(value)
-        table[field.name] = text(value, unit) if unit else value
-    return table
+    return {"device": type(actuator).__name__, **codec.to_table(actuator, text)}
 
 
 def from_table(table: Mapping[str, Any]) -> Actuator:
@@ -47,11 +42,12 @@ def from_table(table: Mapping[str, Any]) -> Actuator:
     if not isinstance(name, str) or name not in ACTUATORS:
         raise GeometryError(f"device is {name!r}; it must be one of {', '.join(ACTUATORS)}")
     device = ACTUATORS[name]
-    units = {field.name: field.metadata["unit"] for field in dataclasses.fields(device)}
-    for key, value in values.items():
-        if units.get(key):
-            values[key] = _read(key, value, units[key])
-    return device_from(device, values)
+    fields = about(device)
+    try:
+        read = {key: fields[key].kind.read(key, value) if key in fields else value for key, value in values.items()}
+    except FieldError as error:
+        raise GeometryError(str(error)) from None
+    return device_from(device, read)
 
 
 def device_from(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
@@ -68,17 +64,8 @@ def device_from(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
     variant = given.pop("variant", "default")
     if not isinstance(variant, str) or variant not in device.variants:
         raise GeometryError(f"variant is {variant!r}; it must be one of {', '.join(device.variants)}")
-    known = [field.name for field in dataclasses.fields(device)]
+    known = list(about(device))
     for name in given:
         if name not in known:
             raise GeometryError(f"{name} is not a parameter of {device.__name__}; it has {', '.join(known)}")
     return device.variant(variant, **given)
-
-
-def _read(name: str, value: Any, unit: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise GeometryError(f"{name} is {brief(value)}; it must be a text with a unit")
-    try:
-        return quantity(value, unit)
-    except UnitError as error:
-        raise GeometryError(f"{name}: {error}") from None

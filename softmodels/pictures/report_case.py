@@ -7,6 +7,7 @@ import html
 from typing import Any
 
 from geometries import table as geometry_table
+from geometries.fields import about
 from measurement.units import readable
 from softmodels.case import material_table, supply_table
 from softmodels.results.stored import States
@@ -20,8 +21,8 @@ def case_tables(states: States) -> str:
 def _device(states: States) -> str:
     device = states.actuator
     table = geometry_table.to_table(device, readable)
-    texts = {field.name: field.metadata["help"] for field in dataclasses.fields(device)}
-    rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "device"]
+    fields = about(device)
+    rows = [(name, value, fields[name].help) for name, value in table.items() if name != "device"]
     return _parameters(f"Device: {type(device).__name__}", rows)
 
 

@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
+from geometries.fields import about
+from geometries.kinds import Length, Quantity
 from measurement.units import UnitError, brief, number, quantity
 from softmodels.case.case import STIFFNESS_RANGE, CaseError
 from softmodels.materials.laws import Material
@@ -173,8 +175,12 @@ class Tolerance:
         if not match:
             raise CaseError(f"--vary {brief(text)} is not of the form membrane=2mm+-0.2mm")
         name, middle, half = match[1].replace("-", "_"), match[2], match[3]
-        fields = {f.name: f.metadata for f in dataclasses.fields(device) if not f.metadata.keys() & {"choices", "kind"}}
-        known = {name: (meta["unit"], bool(meta.get("signed"))) for name, meta in fields.items()}
+        kinds = {name: field.kind for name, field in about(device).items()}
+        known = {
+            name: (kind.unit, isinstance(kind, Length) and kind.signed)
+            for name, kind in kinds.items()
+            if isinstance(kind, Quantity)
+        }
         known |= dict.fromkeys(device.deviations, ("m", True))
         if name not in known:
             listed = ", ".join(key.replace("_", "-") for key in known)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import Actuator, GeometryError, MeshingError
+from geometries.fields import about
 from softmodels.case.case import Case
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.forward import Inflation
@@ -78,7 +79,6 @@ class MeasuredDevice:
 
 def as_section(actuator: Actuator) -> Actuator:
     """A device that turns about its axis as its section, which gives the same outline in a hundredth of the time."""
-    sections = {field.name: field.metadata.get("choices", ()) for field in dataclasses.fields(actuator)}.get(
-        "section", ()
-    )
-    return dataclasses.replace(actuator, section="axisymmetric") if "axisymmetric" in sections else actuator  # type: ignore[call-arg]
+    section = about(actuator).get("section")
+    turns = section is not None and "axisymmetric" in getattr(section.kind, "choices", ())
+    return dataclasses.replace(actuator, section="axisymmetric") if turns else actuator  # type: ignore[call-arg]

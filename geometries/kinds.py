@@ -1,0 +1,172 @@
+"""What kinds of values there are: how each is read from a text or a table, written, and checked where code gives it.
+
+A field of a dataclass names its kind; from that come its entry in a settings file (`geometries.codec`), its option on a
+command line (`geometries.options`) and the sentences about what cannot be meant.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import math
+import numbers
+from collections.abc import Callable
+from typing import ClassVar
+
+from geometries.errors import FieldError
+
+Text = Callable[[float, str], str]
+"""Writes a number of a unit, as `measurement.units.exact_text` does for files and `readable` for people."""
+Scalar = str | int | float | bool
+Entry = Scalar | list[Scalar]
+"""What a settings file holds."""
+
+SHORTEST = 1e-5
+"""Shortest length in m: the CAD kernel merges points closer than about 0.1 micrometre."""
+
+LONGEST = 10.0
+"""Longest length in m; anything above it is a number typed in another unit."""
+
+ROUNDING = 1e-9
+"""Share by which a value may pass a bound: 10 um is 9.999999999999999e-06 m."""
+
+
+def shown(value: object, unit: str) -> str:
+    """Return a value as a person would write it, for example ``"20 mm"`` for 0.02 in ``"m"``."""
+    if not isinstance(value, int | float):
+        return repr(value)
+    from measurement.units import readable  # not above: whoever imports the devices need not have pint
+
+    return readable(value, unit)
+
+
+class Kind(abc.ABC):
+    """A kind of value.
+
+    Attributes:
+        unit: Of its numbers in Pint's spelling; ``""`` for pure numbers and for what is no number.
+        several: Whether it is a tuple of values.
+    """
+
+    unit: str = ""
+    several: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def settled(self, name: str, value: object) -> object:
+        """A value that code gives, as a plain float, int, str, bool or tuple.
+
+        Raises:
+            FieldError: It is not of this kind.
+        """
+
+    def read(self, name: str, value: object) -> object:
+        """A value from a settings file or from the text of an option; see `settled`."""
+        return self.settled(name, value)
+
+    def write(self, value: object, text: Text) -> object:
+        """A value for a settings file, which `read` takes back."""
+        return list(value) if isinstance(value, tuple) else value
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity(Kind):
+    """A number with a unit, or a pure number."""
+
+    unit: str = ""
+
+    def settled(self, name: str, value: object) -> float:
+        if not isinstance(value, numbers.Real) or isinstance(value, bool):
+            raise FieldError(f"{name} is {value!r}; it must be a number{' in ' + self.unit if self.unit else ''}")
+        plain = float(value)
+        if not math.isfinite(plain):
+            raise FieldError(f"{name} is {plain}; it must be a finite number")
+        return plain
+
+    def read(self, name: str, value: object) -> object:
+        from measurement.units import UnitError, brief, quantity
+
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise FieldError(f"{name} is {brief(value)}; it must be a {'text with a unit' if self.unit else 'number'}")
+        try:
+            return quantity(value, self.unit)
+        except UnitError as error:
+            raise FieldError(f"{name}: {error}") from None
+
+    def write(self, value: object, text: Text) -> object:
+        return text(value, self.unit) if self.unit and isinstance(value, int | float) else value
+
+
+@dataclasses.dataclass(frozen=True)
+class Length(Quantity):
+    """A length in m that a device can have; ``zero`` allows the value 0, ``signed`` negative ones."""
+
+    unit: str = "m"
+    zero: bool = False
+    signed: bool = False
+
+    def settled(self, name: str, value: object) -> float:
+        plain = super().settled(name, value)
+        size = abs(plain) if self.signed else plain
+        if self.zero and size == 0.0:
+            return plain
+        if size <= 0.0:
+            raise FieldError(
+                f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}"
+            )
+        if size < SHORTEST * (1 - ROUNDING):
+            raise FieldError(f"{name} is {size * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled")
+        if size > LONGEST * (1 + ROUNDING):
+            raise FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this looks like a mistaken unit")
+        return plain
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice(Kind):
+    """One of some values, all of one type."""
+
+    choices: tuple[str | int | float, ...]
+
+    def settled(self, name: str, value: object) -> str | int | float:
+        for known in self.choices:
+            if value == known and not isinstance(value, bool):
+                return known
+        raise FieldError(f"{name} is {value!r}; it must be one of {', '.join(map(str, self.choices))}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Words(Kind):
+    """A text."""
+
+    def settled(self, name: str, value: object) -> str:
+        if not isinstance(value, str):
+            raise FieldError(f"{name} is {value!r}; it must be a text")
+        return value
+
+
+@dataclasses.dataclass(frozen=True)
+class Flag(Kind):
+    """Yes or no."""
+
+    def settled(self, name: str, value: object) -> bool:
+        if not isinstance(value, bool):
+            raise FieldError(f"{name} is {value!r}; it must be true or false")
+        return value
+
+
+@dataclasses.dataclass(frozen=True)
+class Several(Kind):
+    """Any number of texts, or of pure numbers."""
+
+    of: Quantity | Words
+    several: ClassVar[bool] = True
+
+    def settled(self, name: str, value: object) -> tuple[object, ...]:
+        wanted, kind = (str, "texts") if isinstance(self.of, Words) else (numbers.Real, "numbers")
+        good = isinstance(value, list | tuple) and all(
+            isinstance(item, wanted) and not isinstance(item, bool) for item in value
+        )
+        if not good or not isinstance(value, list | tuple):
+            raise FieldError(f"{name} is {value!r}; it must be a list of {kind}, such as [...]")
+        if kind == "numbers" and not all(math.isfinite(item) for item in value):
+            raise FieldError(f"{name} is {value!r}; it must hold finite numbers")
+        return tuple(item if kind == "texts" else float(item) for item in value)
