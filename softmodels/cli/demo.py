@@ -24,7 +24,7 @@ from measurement.synthetic.photographer import Scene, photograph, save
 from measurement.units import pascal_per_cm
 from softmodels.case.case import Case, material_table
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.forward import Inflation
+from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.simulated import half_outline, readings_of
 from softmodels.results.outcomes import DONE, FAILED
 
@@ -74,7 +74,7 @@ def scene_of(megapixels: float) -> Scene:
     )  # fmt: skip
 
 
-def inflated(truth: Truth, comm: Any) -> tuple[Inflation, list[Array]]:
+def inflated(truth: Truth, comm: Any) -> tuple[DeviceModel, list[Array]]:
     """The device with its true material, and the right half of its outline in m at each pressure."""
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Equilibrium
@@ -82,9 +82,9 @@ def inflated(truth: Truth, comm: Any) -> tuple[Inflation, list[Array]]:
     choice = LawChoice.from_text(truth.law, truth.poisson)
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(truth.actuator, truth.actuator.write(Path(folder) / "disk.msh"), comm)
-    device = Inflation(Equilibrium(body, choice.material(truth.values)), choice)
+    device = DeviceModel(Equilibrium(body, choice.material(truth.values)), choice)
     states = device.states(truth.values, truth.pressures, "pressure")
-    lengths = device.take(truth.values)
+    lengths = device.set_parameters(truth.values)
     return device, [half_outline(device.curve(state, lengths), 2e-5, 0.0)[0] for state in states]
 
 

@@ -21,16 +21,16 @@ from softmodels.case.case import Case, CaseError
 from softmodels.cli.fit_options import curve_changes, device_changes, fit_options
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
-from softmodels.fitting.curves.contradiction import own_file
+from softmodels.fitting.curves.contradiction import separate_file
 from softmodels.fitting.curves.curve import TensileError
 from softmodels.fitting.curves.fit import StressError
 from softmodels.fitting.curves.fit_curves import fit_curves
 from softmodels.fitting.files import name_of, retire, write_materials
+from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.law_parameters import known_laws, law_choices
 from softmodels.fitting.outlines.data import OutlineFitError
 from softmodels.fitting.outlines.fit_device import fit, fit_heights
 from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError
-from softmodels.fitting.report import Report
 from softmodels.fitting.tables import as_json, as_text, material_toml, write_curves
 from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
 from softmodels.results.outcomes import DONE, FAILED
@@ -120,8 +120,8 @@ def fit_material(**options: Any) -> None:
     if speaks():
         if not options["quiet"]:
             click.echo(as_text(report))
-        if report.apart:
-            click.echo(f"softmodels: {report.apart.pairs[0].sentence}; {report.apart.spread}", err=True)
+        if report.separate:
+            click.echo(f"softmodels: {report.separate.pairs[0].sentence}; {report.separate.spread}", err=True)
         if not options["quiet"]:
             for text in report.chosen.judgement.notes:
                 click.echo(text)
@@ -131,7 +131,7 @@ def fit_material(**options: Any) -> None:
     sys.exit(DONE if report.chosen.sound else FAILED)
 
 
-def _closing(report: Report, folder: Path) -> str:
+def _closing(report: FitReport, folder: Path) -> str:
     file = folder / name_of(report.chosen)
     if report.chosen.sound:
         return f"written to {folder}; go on with --material {file}"
@@ -154,7 +154,7 @@ def _folder(options: dict[str, Any]) -> ResultFolder:
     return open_folder(options["output"], Path("results/fit"), "fit", options, files)
 
 
-def _report(options: dict[str, Any]) -> Report:
+def _report(options: dict[str, Any]) -> FitReport:
     if options["files"]:
         return _device_report(options)
     if options["heights"] or options["free"] or options["untrusted"] or options["without"]:
@@ -168,7 +168,7 @@ def _report(options: dict[str, Any]) -> Report:
     return fit_curves(curves, options["laws"], how, progress=progress.say)
 
 
-def _device_report(options: dict[str, Any]) -> Report:
+def _device_report(options: dict[str, Any]) -> FitReport:
     check_curves_given(options)
     curves = read_curves(options) if options["tensile"] else []
     StressError.from_text(options["stress_error"])
@@ -193,13 +193,13 @@ def _device_report(options: dict[str, Any]) -> Report:
     return fit(case, files, options["laws"], how, curves=curves, comm=comm)
 
 
-def write(report: Report, folder: Path, draw: bool) -> None:
+def write(report: FitReport, folder: Path, draw: bool) -> None:
     """Write the material files, every number, the curves, the pictures and the page."""
     own: dict[str, str] = {}
-    if report.apart:
-        for curve, one in zip(report.apart.curves, report.apart.own, strict=True):
-            alone = dataclasses.replace(report, curves=(curve,), apart=None)
-            own[own_file(report.apart, curve)] = material_toml(one, alone)
+    if report.separate:
+        for curve, one in zip(report.separate.curves, report.separate.own, strict=True):
+            alone = dataclasses.replace(report, curves=(curve,), separate=None)
+            own[separate_file(report.separate, curve)] = material_toml(one, alone)
     write_materials(report, folder, own)
     (folder / "fit.json").write_text(as_json(report), encoding="utf-8")
     write_curves(folder / "curves.csv", report.laws, report.curves)

@@ -10,7 +10,7 @@ import numpy as np
 
 from softmodels.fitting.law_parameters import all_laws
 from softmodels.fitting.problem import loss_of
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 
 UNDECIDED = 2.0
 """Laws whose criteria differ by less than this are equally good (Burnham & Anderson 2002, section 2.6)."""
@@ -37,7 +37,7 @@ class Ranked:
         near: Whether the law follows the data nearly as closely as the closest does.
     """
 
-    fit: Fit
+    fit: LeastSquaresFit
     aicc: float
     bic: float
     ratio: float = 1.0
@@ -56,11 +56,11 @@ class Comparison:
     """
 
     ranked: tuple[Ranked, ...]
-    preferred: Fit
+    preferred: LeastSquaresFit
     sentence: str
 
 
-def compare(fits: Sequence[Fit], judged: Sequence[Fit] | None = None) -> Comparison:
+def compare(fits: Sequence[LeastSquaresFit], judged: Sequence[LeastSquaresFit] | None = None) -> Comparison:
     """Rank fits of the same measurements by the quasi-likelihood form of Akaike's corrected criterion.
 
     QAICc divides the misfit by the variance that remains in the closest fit (Burnham & Anderson 2002, Model Selection and
@@ -101,7 +101,7 @@ def compare(fits: Sequence[Fit], judged: Sequence[Fit] | None = None) -> Compari
     return Comparison(ranked, *_judgement(ranked))
 
 
-def _check(fits: Sequence[Fit]) -> None:
+def _check(fits: Sequence[LeastSquaresFit]) -> None:
     first = fits[0]
     for other in fits[1:]:
         alike = (other.loss, other.errors, other.rows.groups) == (first.loss, first.errors, first.rows.groups)
@@ -109,7 +109,7 @@ def _check(fits: Sequence[Fit]) -> None:
             raise ValueError("only fits of the same measurements, with the same loss and errors, can be compared")
 
 
-def _on_curves(judged: Sequence[Fit]) -> tuple[list[float], float]:
+def _on_curves(judged: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
     """Misfit of each law in what remains of the closest one's, and how many values there are."""
     sums = _mean_squares(judged)
     values = CURVE_VALUES * len(judged[0].summaries)
@@ -117,18 +117,18 @@ def _on_curves(judged: Sequence[Fit]) -> tuple[list[float], float]:
     return [values * one / worth for one in sums], values
 
 
-def _equal(judged: Sequence[Fit]) -> list[bool]:
+def _equal(judged: Sequence[LeastSquaresFit]) -> list[bool]:
     """Whether each law's misfit on the yardstick equals the closest one's within the error."""
     sums = _mean_squares(judged)
     return [one <= EQUAL**2 * max(min(sums), SAME**2) for one in sums]
 
 
-def _mean_squares(judged: Sequence[Fit]) -> list[float]:
+def _mean_squares(judged: Sequence[LeastSquaresFit]) -> list[float]:
     """Mean square misfit of each law in units of the yardstick, every curve counting the same."""
     return [sum(_means(fit).values()) / len(fit.summaries) for fit in judged]
 
 
-def _means(fit: Fit) -> dict[str, float]:
+def _means(fit: LeastSquaresFit) -> dict[str, float]:
     """Mean over each curve of the loss of its squared residuals; the priors' share goes to the first.
 
     The noise that averaging took from a curve counts as if it were there, so that each sampling has the same misfit.
@@ -144,7 +144,7 @@ def _means(fit: Fit) -> dict[str, float]:
     return means
 
 
-def _on_residuals(fits: Sequence[Fit]) -> tuple[list[float], float]:
+def _on_residuals(fits: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
     """The same for fits whose residuals have errors of their own."""
     closest = min(fits, key=lambda fit: fit.deviance)
     worth = max(closest.dispersion * closest.count / closest.independent, 1e-300)
@@ -153,7 +153,7 @@ def _on_residuals(fits: Sequence[Fit]) -> tuple[list[float], float]:
     return [fit.deviance / worth for fit in fits], closest.independent
 
 
-def _ratios(fits: Sequence[Fit]) -> list[float]:
+def _ratios(fits: Sequence[LeastSquaresFit]) -> list[float]:
     """Root mean square misfit of each law over that of the closest one, every curve or photograph counting the same."""
     labels, sizes = np.array(fits[0].rows.groups), np.array(fits[0].rows.sizes)
     hidden = {source.label: float(getattr(source, "averaged_away", 0.0)) for source in fits[0].problem.sources}
@@ -167,13 +167,13 @@ def _ratios(fits: Sequence[Fit]) -> list[float]:
     return [math.sqrt(max(one / smallest, 1.0)) for one in sums]
 
 
-def _simplicity(fit: Fit) -> tuple[int, int, str]:
+def _simplicity(fit: LeastSquaresFit) -> tuple[int, int, str]:
     """Fewest free parameters first, then the order of `all_laws`: nothing that the noise of a few readings can turn."""
     order = all_laws()
     return len(fit.free), order.index(fit.label) if fit.label in order else len(order), fit.label
 
 
-def _judgement(ranked: tuple[Ranked, ...]) -> tuple[Fit, str]:
+def _judgement(ranked: tuple[Ranked, ...]) -> tuple[LeastSquaresFit, str]:
     best = ranked[0].fit
     first = best.label
     if len(ranked) == 1:

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from softmodels.fitting.fitted_law import Fitted
-from softmodels.fitting.report import Report
+from softmodels.fitting.fit_report import FitReport
+from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.tables import material_toml
 
 SOUND, UNSOUND, EARLIER = "fitted", "unsound", "earlier-"
 
 
-def write_materials(report: Report, folder: Path, more: Mapping[str, str] = MappingProxyType({})) -> None:
+def write_materials(report: FitReport, folder: Path, more: Mapping[str, str] = MappingProxyType({})) -> None:
     """Write each law's material file, as ``fitted.toml`` only if the chosen law is sound.
 
     An earlier fit's ``fitted*.toml`` that this one does not replace is renamed to ``earlier-fitted*.toml``: nobody shall take
@@ -35,7 +35,7 @@ def write_materials(report: Report, folder: Path, more: Mapping[str, str] = Mapp
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def name_of(one: Fitted, law: str = "") -> str:
+def name_of(one: FittedLaw, law: str = "") -> str:
     """File name of a law's material; without its name, the chosen one's."""
     return f"{SOUND if one.sound else UNSOUND}{'-' + law if law else ''}.toml"
 

@@ -7,14 +7,14 @@ import functools
 
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.profile import Profile
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.fitting.soundness import NOTHING, Judgement, objections
 from softmodels.materials.material import Material
 from softmodels.materials.stability import Verdict
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Fitted:
+class FittedLaw:
     """A law with its fit and what it is worth.
 
     Attributes:
@@ -27,7 +27,7 @@ class Fitted:
     """
 
     choice: LawChoice
-    fit: Fit
+    fit: LeastSquaresFit
     material: Material
     verdict: Verdict
     profiles: dict[str, Profile]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fitting.problem import Parameter
-from softmodels.fitting.result import BLIND, Fit
+from softmodels.fitting.result import BLIND, LeastSquaresFit
 
 Array = npt.NDArray[np.float64]
 
@@ -17,7 +17,7 @@ TOGETHER = 0.98
 """Parameters whose estimates correlate beyond this are seen only together."""
 
 
-def singular_values(fit: Fit) -> tuple[Array, Array]:
+def singular_values(fit: LeastSquaresFit) -> tuple[Array, Array]:
     """Singular values (m,) of the data's Jacobian and its right vectors (m, m), in rows.
 
     The columns are scaled by what is a large change of each parameter: its prior's error, half the span of its bounds,
@@ -28,7 +28,7 @@ def singular_values(fit: Fit) -> tuple[Array, Array]:
     return np.pad(values, (0, len(fit.free) - len(values))), vectors
 
 
-def _reach(fit: Fit, p: Parameter) -> float:
+def _reach(fit: LeastSquaresFit, p: Parameter) -> float:
     if p.prior:
         return p.prior.error
     if math.isfinite(p.upper - p.lower) and not p.logarithmic:
@@ -36,7 +36,7 @@ def _reach(fit: Fit, p: Parameter) -> float:
     return abs(fit.values[p.name]) or p.scale
 
 
-def unseen(fit: Fit) -> tuple[str, ...]:
+def unseen(fit: LeastSquaresFit) -> tuple[str, ...]:
     """Sentences on parameters, or combinations of them, that the data do not determine."""
     said = []
     for p in fit.free:
@@ -59,7 +59,7 @@ def unseen(fit: Fit) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _data_error(fit: Fit, p: Parameter) -> float:
+def _data_error(fit: LeastSquaresFit, p: Parameter) -> float:
     """Standard error of a parameter as if there were no prior on it."""
     if not p.prior:
         return fit.error(p.name)

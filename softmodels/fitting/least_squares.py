@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Problem, Residuals
-from softmodels.fitting.result import Fit, StartResult
+from softmodels.fitting.result import LeastSquaresFit, StartResult
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Stopping:
     evaluations: int = 300
 
 
-def fit(
+def fit_parameters(
     sources: Sequence[Residuals],
     parameters: Sequence[Parameter],
     *,
@@ -50,7 +50,7 @@ def fit(
     errors: str = "stated",
     label: str = "",
     stopping: Stopping = Stopping(),
-) -> Fit:
+) -> LeastSquaresFit:
     """Find the parameters at which all sources together agree best with their measurements.
 
     Args:
@@ -94,7 +94,7 @@ def fit(
         raise FitError(f"the fit ended where its model has no answer: {error}") from None
 
 
-def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, label: str) -> Fit:
+def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, label: str) -> LeastSquaresFit:
     """The result with everything that speaks against it."""
     values = problem.values(found.x)
     residuals = problem.residuals(found.x)
@@ -102,7 +102,7 @@ def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, l
     if len(residuals) < len(problem.free):
         few = f"{len(residuals)} numbers cannot determine {len(problem.free)} parameters"
         raise FitError(f"{few}; fix some or measure more")
-    result = Fit(
+    result = LeastSquaresFit(
         label=label or ", ".join(source.label for source in problem.sources), parameters=problem.parameters,
         values=values, residuals=residuals, jacobian=J, rows=rows,
         deviance=2 * float(found.cost), loss=problem.loss, errors=errors, evaluations=problem.evaluations,
@@ -122,7 +122,7 @@ def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, l
     return dataclasses.replace(result, troubles=tuple(troubles))
 
 
-def _disagreement(runs: list[StartResult], result: Fit) -> list[str]:
+def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]:
     """Starts that ended elsewhere, if that other place is nearly as good; starts that could not be run."""
     room = SAME_DEVIANCE * (1 + result.deviance)
     likely = 3.84 * result.dispersion
@@ -144,7 +144,7 @@ def _disagreement(runs: list[StartResult], result: Fit) -> list[str]:
     return said
 
 
-def _apart(run: StartResult, result: Fit) -> bool:
+def _apart(run: StartResult, result: LeastSquaresFit) -> bool:
     """Whether a start ended further from the result than the result's own intervals reach.
 
     Terms that have changed places (Ogden's) are the same result.

@@ -46,7 +46,7 @@ class FitOptions:
 
     @property
     def loss(self) -> str:
-        """See `softmodels.fitting.least_squares.fit`."""
+        """See `softmodels.fitting.least_squares.fit_parameters`."""
         return "soft_l1" if self.robust else "linear"
 
     def changes_of(self, names: tuple[str, ...]) -> Mapping[str, Mapping[str, object]]:

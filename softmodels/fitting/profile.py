@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fitting.problem import CannotEvaluate, Parameter, Problem, loss_of
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 
 Array = npt.NDArray[np.float64]
 REACH = 1.6
@@ -44,7 +44,7 @@ class Profile:
     trouble: str
 
 
-def profile(result: Fit, name: str, n: int = 15) -> Profile:
+def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
     """Hold a parameter at values on both sides of its best one and fit the others anew.
 
     The interval is where the deviance rises by less than the square of Student's (or the normal) quantile times the
@@ -72,7 +72,7 @@ def profile(result: Fit, name: str, n: int = 15) -> Profile:
     return Profile(name, p.unit, values, rises, limit, interval, trouble)
 
 
-def _worth(result: Fit, name: str) -> float:
+def _worth(result: LeastSquaresFit, name: str) -> float:
     """Rise of the deviance that counts as 1: its curvature along the profile times the parameter's variance."""
     names = [p.name for p in result.free]
     slope = result.influence[1]
@@ -87,7 +87,9 @@ def _worth(result: Fit, name: str) -> float:
     return error**2 * size[place] ** 2 / float(np.linalg.pinv(bread, rcond=1e-16, hermitian=True)[place, place])
 
 
-def _side(result: Fit, p: Parameter, sign: float, count: int, worth: float, limit: float) -> list[tuple[float, float]]:
+def _side(
+    result: LeastSquaresFit, p: Parameter, sign: float, count: int, worth: float, limit: float
+) -> list[tuple[float, float]]:
     """Values and rises outward from the best value, until the limit is passed or a bound is reached."""
     best = result.values[p.name]
     bound = p.upper if sign > 0 else p.lower
@@ -117,7 +119,7 @@ def _side(result: Fit, p: Parameter, sign: float, count: int, worth: float, limi
 
 
 def _closer(
-    result: Fit, name: str, outward: list[tuple[float, float]], worth: float, limit: float
+    result: LeastSquaresFit, name: str, outward: list[tuple[float, float]], worth: float, limit: float
 ) -> list[tuple[float, float]]:
     """More points about the crossing of the limit, where the profile leaps over it too far for a straight line."""
     more: list[tuple[float, float]] = []
@@ -136,7 +138,9 @@ def _closer(
     return more
 
 
-def _held(result: Fit, name: str, value: float, warm: dict[str, float]) -> tuple[float, dict[str, float]] | None:
+def _held(
+    result: LeastSquaresFit, name: str, value: float, warm: dict[str, float]
+) -> tuple[float, dict[str, float]] | None:
     """Deviance and values with one parameter held; None where there is no answer."""
     parameters = [
         dataclasses.replace(p, start=value, fixed=True)

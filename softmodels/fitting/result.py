@@ -35,7 +35,7 @@ class StartResult:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Fit:
+class LeastSquaresFit:
     """A fit and its statistics.
 
     Error bars rest on the sandwich formula of robust regression (Huber & Ronchetti 2009, Robust Statistics, section 7.6),
@@ -50,8 +50,8 @@ class Fit:
         jacobian: Their derivatives by the free parameters, shape (n, m).
         rows: What the residuals are.
         deviance: Sum of the loss over the squared residuals: chi squared, for a linear loss.
-        loss: See `softmodels.fitting.least_squares.fit`.
-        errors: See `softmodels.fitting.least_squares.fit`.
+        loss: See `softmodels.fitting.least_squares.fit_parameters`.
+        errors: See `softmodels.fitting.least_squares.fit_parameters`.
         evaluations: Evaluations of the sources so far.
         starts: Where each start ended.
         problem: What `softmodels.fitting.profile.profile` solves again.

@@ -90,8 +90,8 @@ def score_outlines(name: str, material: Material, case: Any, outlines: Sequence[
         FitError: The device has no such states under this law, or cannot be the one in the photographs.
     """
     from softmodels.fitting.outlines.data import prepare
-    from softmodels.fitting.outlines.device import MeasuredDevice
-    from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fit_outlines
+    from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fit_law_to_outlines
+    from softmodels.fitting.outlines.measured_device import MeasuredDevice
 
     choice = LawChoice.of(material)
     measured = MeasuredDevice.of(case)
@@ -99,17 +99,17 @@ def score_outlines(name: str, material: Material, case: Any, outlines: Sequence[
     shapes, _ = prepare(outlines, measured.actuator, device.silhouette.width)
     source = OutlineResiduals(device, shapes)
     fixed = {key: {"start": value, "fixed": True} for key, value in material.parameters.items()}
-    fit = fit_outlines(source, changes=fixed)
-    fittings = source.fittings(fit.values)
+    fit = fit_law_to_outlines(source, changes=fixed)
+    matches = source.matches(fit.values)
     sizes = fit.residuals[: fit.count]
-    off = np.concatenate([one.distances for one in fittings])
+    off = np.concatenate([one.distances for one in matches])
     at = int(np.argmax(np.abs(sizes)))
     group = fit.rows.groups[at]
     if group == READINGS:
-        one = fittings[at - (fit.count - len(fittings))]
+        one = matches[at - (fit.count - len(matches))]
         told = f"{(one.pressure - one.true_pressure) / 1e3:+.3g} kPa of pressure for the outline {one.shape.source}"
     else:
-        one = next(one for one in fittings if one.shape.source == group)
+        one = next(one for one in matches if one.shape.source == group)
         told = f"{one.distances[np.argmax(np.abs(one.distances))] * 1e3:+.3g} mm in {group}"
     worst = f"{told} ({sizes[at]:+.2g} standard errors)"
     label = f"{len(shapes)} outlines of {case.name}"

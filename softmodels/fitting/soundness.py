@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from softmodels.fitting.problem import Parameter
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.material import MaterialError
 
 NORMAL = 1.96
@@ -34,7 +34,7 @@ class Judgement:
 NOTHING = Judgement()
 
 
-def objections(fit: Fit, modulus: Callable[[Mapping[str, float]], float]) -> tuple[str, ...]:
+def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> tuple[str, ...]:
     """Sentences that forbid the use of a fit; none if it is sound.
 
     Args:
@@ -60,7 +60,7 @@ def with_unit(value: float, p: Parameter) -> str:
     return f"{value:.4g} {p.unit}".rstrip()
 
 
-def _undetermined(fit: Fit, p: Parameter) -> str:
+def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:
     """Why a parameter is not determined, empty if it is; one with a prior always is."""
     if p.prior or p.hidden or p.name in fit.at_bounds:
         return ""
@@ -71,7 +71,7 @@ def _undetermined(fit: Fit, p: Parameter) -> str:
     return "its interval is as wide as its bounds" if whole and not p.answers else ""
 
 
-def _modulus_error(fit: Fit, modulus: Callable[[Mapping[str, float]], float]) -> float:
+def _modulus_error(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> float:
     """Standard error of the shear modulus in Pa, by its derivatives; 0 where nothing it depends on is free."""
     slope = np.zeros(len(fit.free))
     for i, p in enumerate(fit.free):

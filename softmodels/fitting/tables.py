@@ -14,14 +14,14 @@ import numpy as np
 
 from softmodels.case import material_table
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.fit_report import FitReport
+from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.identifiability import singular_values, unseen
-from softmodels.fitting.report import Report
 from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
 
 
-def parameter_rows(one: Fitted) -> list[tuple[str, str, str, str]]:
+def parameter_rows(one: FittedLaw) -> list[tuple[str, str, str, str]]:
     """Parameter, value, unit and 95 % interval, as texts."""
     rows = []
     for p in one.fit.parameters:
@@ -49,13 +49,13 @@ def _plain(value: float, error: float) -> str:
     return f"{value:.{min(digits, 9)}g}"
 
 
-def correlation_rows(one: Fitted) -> list[list[str]]:
+def correlation_rows(one: FittedLaw) -> list[list[str]]:
     """The correlations of the free parameters below the diagonal, as texts; empty for one parameter."""
     names, R = [p.name for p in one.fit.free if not p.hidden], one.fit.correlations
     return [[names[i], *(f"{R[i, j]:+.3f}" for j in range(i))] for i in range(1, len(names))]
 
 
-def residual_rows(one: Fitted) -> list[tuple[str, str, str, str, str]]:
+def residual_rows(one: FittedLaw) -> list[tuple[str, str, str, str, str]]:
     """Group, rms, mean, largest, and over how many points residuals keep together, as texts."""
     rows = []
     for name, group in one.fit.summaries.items():
@@ -65,7 +65,7 @@ def residual_rows(one: Fitted) -> list[tuple[str, str, str, str, str]]:
     return rows  # type: ignore[return-value]
 
 
-def as_text(report: Report) -> str:
+def as_text(report: FitReport) -> str:
     """The report for a terminal."""
     lines = [*report.ranges, report.how, ""]
     for one in report.laws:
@@ -89,12 +89,12 @@ def as_text(report: Report) -> str:
     if len(report.laws) > 1:
         lines += [f"  {one.fit.label:14s} AICc +{one.aicc:.4g}, BIC {one.bic:+.4g}" for one in report.comparison.ranked]
     lines.append(report.verdict)
-    if report.apart:
-        lines += ["", *report.apart.sentences]
+    if report.separate:
+        lines += ["", *report.separate.sentences]
     return "\n".join(lines)
 
 
-def material_toml(one: Fitted, report: Report) -> str:
+def material_toml(one: FittedLaw, report: FitReport) -> str:
     """A material file for ``--material``, which says what it rests on."""
     import tomli_w
 
@@ -112,12 +112,12 @@ def material_toml(one: Fitted, report: Report) -> str:
         "unseen": [*unseen(fit)],
         "stability": [*one.verdict.notes],
     }
-    if report.apart:
-        about["apart"] = report.apart.sentences
+    if report.separate:
+        about["apart"] = report.separate.sentences
     return tomli_w.dumps({"material": material_table.to_table(one.material), "fit": about})
 
 
-def as_json(report: Report) -> str:
+def as_json(report: FitReport) -> str:
     """Every number of the report, in Pa and pure numbers."""
     return json.dumps(
         {
@@ -126,14 +126,14 @@ def as_json(report: Report) -> str:
             "chosen": report.chosen.choice.name,
             "preferred": report.comparison.preferred.label,
             "verdict": report.verdict,
-            "apart": report.apart.sentences if report.apart else [],
+            "apart": report.separate.sentences if report.separate else [],
             "laws": [_law_json(one, report) for one in report.laws],
         },
         indent=1,
     )
 
 
-def _law_json(one: Fitted, report: Report) -> dict[str, Any]:
+def _law_json(one: FittedLaw, report: FitReport) -> dict[str, Any]:
     fit = one.fit
     shown = [i for i, p in enumerate(fit.free) if not p.hidden]
     ranked = next(r for r in report.comparison.ranked if r.fit is fit)
@@ -180,7 +180,7 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def write_curves(path: Path, laws: Sequence[Fitted], curves: Sequence[TensileCurve]) -> None:
+def write_curves(path: Path, laws: Sequence[FittedLaw], curves: Sequence[TensileCurve]) -> None:
     """Measured and fitted nominal stresses in Pa, one row per point."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 
 from measurement.page_style import RULES, VIEWPORT, wide
 from measurement.plain_text import plain
-from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.fit_report import FitReport
+from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.identifiability import unseen
-from softmodels.fitting.report import Report
 from softmodels.fitting.tables import (
     correlation_rows,
     parameter_rows,
@@ -42,7 +42,7 @@ def line(i: int) -> dict[str, Any]:
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.8}
 
 
-def draw_curves(report: Report) -> Figure:
+def draw_curves(report: FitReport) -> Figure:
     """Measured and fitted nominal stress, one panel per test."""
     figure, panels = _panels(len(report.curves), 4.6)
     for axes, curve in zip(panels, report.curves, strict=True):
@@ -63,12 +63,12 @@ def draw_curves(report: Report) -> Figure:
     return figure
 
 
-def _gauge(one: Fitted, report: Report, curve: Any) -> float:
+def _gauge(one: FittedLaw, report: FitReport, curve: Any) -> float:
     number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
     return one.fit.values.get(f"gauge{number}", 1.0)
 
 
-def draw_residuals(report: Report) -> Figure:
+def draw_residuals(report: FitReport) -> Figure:
     """Fitted less measured nominal stress, one panel per test."""
     figure, panels = _panels(len(report.curves), 4.0)
     for axes, curve in zip(panels, report.curves, strict=True):
@@ -89,7 +89,7 @@ def draw_residuals(report: Report) -> Figure:
     return figure
 
 
-def draw_profiles(one: Fitted) -> Figure:
+def draw_profiles(one: FittedLaw) -> Figure:
     """Rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic it should be."""
     rows = -(-len(one.profiles) // PROFILE_COLUMNS)
     columns = min(len(one.profiles), PROFILE_COLUMNS)
@@ -129,7 +129,7 @@ def _panels(count: int, height: float) -> tuple[Figure, Sequence[Axes]]:
     return figure, list(grid[:count])
 
 
-def pictures(report: Report) -> dict[str, bytes]:
+def pictures(report: FitReport) -> dict[str, bytes]:
     """All pictures as PNG, by file name."""
     with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
         figures = {}
@@ -161,12 +161,12 @@ td:first-child,th:first-child{{text-align:left}}img{{max-width:100%}}.w{{color:#
 """
 
 
-def page(report: Report, images: dict[str, bytes]) -> str:
+def page(report: FitReport, images: dict[str, bytes]) -> str:
     """The report as one self-contained page."""
     parts = ["<h1>Fitted material</h1>", f"<p><b>{html.escape(report.verdict)}.</b></p>"]
     if not report.chosen.sound:
         parts.append(f"<p class=w><b>Not sound: {html.escape(report.chosen.warnings[0])}.</b></p>")
-    parts.append(_list(report.apart.sentences, "w") if report.apart else "")
+    parts.append(_list(report.separate.sentences, "w") if report.separate else "")
     parts.append(_list([*report.ranges, report.how]))
     if len(report.laws) > 1:
         rows = [

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from softmodels.fitting.outlines.fit import Fitting
+from softmodels.fitting.outlines.fit import MatchedPhotograph
 from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.pictures.pages import DPI, FAINT, INK, WIDTH
 
@@ -17,11 +17,11 @@ SHOWN = 400
 COLUMNS = 3
 
 
-def draw_outlines(fittings: Sequence[Fitting], law: str) -> Figure:
+def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     """All outlines in the device's own place: points measured, lines simulated, a colour per pressure."""
     figure = Figure((WIDTH, 0.55 * WIDTH), dpi=DPI, layout="constrained")
     axes = figure.subplots()
-    for fitting, colour in zip(fittings, _colours(len(fittings)), strict=True):
+    for fitting, colour in zip(matches, _colours(len(matches)), strict=True):
         stride = max(len(fitting.points) // SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=INK, alpha=0.5)
@@ -31,8 +31,8 @@ def draw_outlines(fittings: Sequence[Fitting], law: str) -> Figure:
             np.r_[-half[:0:-1, 0], half[:, 0]], np.r_[half[:0:-1, 1], half[:, 1]], color=colour, lw=1.4, label=label
         )
     axes.axhline(0.0, color=FAINT, linewidth=0.8)
-    reach = 1e3 * max(float(fitting.points[:, 0].max()) for fitting in fittings)
-    top = 1e3 * max(float(fitting.points[:, 1].max()) for fitting in fittings)
+    reach = 1e3 * max(float(fitting.points[:, 0].max()) for fitting in matches)
+    top = 1e3 * max(float(fitting.points[:, 1].max()) for fitting in matches)
     axes.set_xlim(-1.15 * reach, 1.15 * reach)
     axes.set_ylim(-0.04 * top, 1.06 * top)
     if top > reach / 2:  # flatter ones would be a thin strip
@@ -45,15 +45,15 @@ def draw_outlines(fittings: Sequence[Fitting], law: str) -> Figure:
     return figure
 
 
-def draw_photographs(fittings: Sequence[Fitting], law: str) -> Figure:
+def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     """Simulated less measured, across the outline, one panel per photograph, and the band of two standard errors."""
-    columns = min(len(fittings), COLUMNS)
-    rows = -(-len(fittings) // columns)
+    columns = min(len(matches), COLUMNS)
+    rows = -(-len(matches) // columns)
     figure = Figure((WIDTH, 2.3 * rows + 0.5), dpi=DPI, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
-    for axes, fitting in zip(grid.ravel(), fittings, strict=False):
+    for axes, fitting in zip(grid.ravel(), matches, strict=False):
         _panel(axes, fitting)
-    for axes in grid.ravel()[len(fittings) :]:
+    for axes in grid.ravel()[len(matches) :]:
         axes.set_visible(False)
     for axes in grid[-1]:
         axes.set_xlabel("distance from the axis (mm)")
@@ -63,7 +63,7 @@ def draw_photographs(fittings: Sequence[Fitting], law: str) -> Figure:
     return figure
 
 
-def _panel(axes: Any, fitting: Fitting) -> None:
+def _panel(axes: Any, fitting: MatchedPhotograph) -> None:
     shape = fitting.shape
     count = np.bincount(shape.bins)
     place = np.bincount(shape.bins, 1e3 * fitting.side * fitting.points[:, 0]) / count

@@ -33,7 +33,7 @@ from scipy.interpolate import PchipInterpolator
 
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, read_curve
-from softmodels.fitting.curves.fit import StressError, fit_law, noise, residuals_of
+from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, noise, residuals_of
 from softmodels.fitting.curves.thinning import thinned
 from softmodels.fitting.curves.yardstick import on_yardstick
 from softmodels.fitting.law_parameters import law_choices
@@ -76,7 +76,7 @@ def verdict(curves: Sequence[TensileCurve], error: str, laws: str) -> tuple[str,
     fits, judged = [], []
     for choice in law_choices(laws, 0.5):
         sources, _ = residuals_of(curves, choice, stated, level=True)
-        fits.append(fit_law(choice, sources, errors="stated" if stated.stated else "unknown"))
+        fits.append(fit_law_to_curves(choice, sources, errors="stated" if stated.stated else "unknown"))
         judged.append(on_yardstick(fits[-1], residuals_of(curves, choice, stated)[0]))
     preferred = compare(fits, judged).preferred.label
     misfit = {fit.label: [group.rms for group in fit.summaries.values()] for fit in fits}

@@ -28,7 +28,7 @@ from softmodels.fitting.outlines.fit import (
     SCALE_ERROR,
     ZERO_ERROR,
     OutlineResiduals,
-    fit_outlines,
+    fit_law_to_outlines,
 )
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.fitting.problem import CannotEvaluate
@@ -42,7 +42,7 @@ SIDE = 20
 
 
 def device(cell_size: float):
-    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Equilibrium
 
@@ -51,7 +51,7 @@ def device(cell_size: float):
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(disk, disk.write(Path(folder) / "disk.msh"), comm)
     choice = LawChoice.from_text("yeoh", 0.49)
-    return Inflation(Equilibrium(body, choice.material(TRUTH)), choice)
+    return DeviceModel(Equilibrium(body, choice.material(TRUTH)), choice)
 
 
 def fitted(inflation, camera, rng, pressures=PRESSURES):
@@ -59,7 +59,7 @@ def fitted(inflation, camera, rng, pressures=PRESSURES):
     shapes, _ = prepare(outlines, inflation.equilibrium.body.actuator, inflation.silhouette.width)
     inflation.paths = 0
     begin = time.perf_counter()
-    found = fit_outlines(OutlineResiduals(inflation, shapes), changes=HOLD)
+    found = fit_law_to_outlines(OutlineResiduals(inflation, shapes), changes=HOLD)
     return found, time.perf_counter() - begin
 
 

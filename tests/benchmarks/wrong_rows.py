@@ -34,7 +34,7 @@ from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_h
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.fitting.outlines.trials import try_outlines
 from softmodels.fitting.problem import FitError
-from softmodels.fitting.tables import Fitted
+from softmodels.fitting.tables import FittedLaw
 from softmodels.materials.stability import judge
 from softmodels.mechanics.mpi import start
 
@@ -50,7 +50,7 @@ Damage = Callable[[Series, np.random.Generator], tuple[Series, set[str]]]
 
 
 def device(cell_size: float = 0.006):
-    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Equilibrium
 
@@ -59,7 +59,7 @@ def device(cell_size: float = 0.006):
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(disk, disk.write(Path(folder) / "disk.msh"), comm)
     choice = LawChoice.from_text("yeoh", 0.49)
-    return Inflation(Equilibrium(body, choice.material(choice.from_modulus(30e3))), choice)
+    return DeviceModel(Equilibrium(body, choice.material(choice.from_modulus(30e3))), choice)
 
 
 def bench_of(rng: np.random.Generator) -> dict[str, float]:
@@ -156,7 +156,7 @@ UNITS = {
 # -- verdicts ---------------------------------------------------------------------------------------------------------
 
 
-def verdict(inflation, series: Sequence[Outline]) -> tuple[bool, str, Fitted | None]:
+def verdict(inflation, series: Sequence[Outline]) -> tuple[bool, str, FittedLaw | None]:
     """Whether the command would write fitted.toml, the reason if not, and the fit."""
     known = expected("ecoflex-00-30")
     try:
@@ -166,7 +166,7 @@ def verdict(inflation, series: Sequence[Outline]) -> tuple[bool, str, Fitted | N
         return False, str(error), None
     material = inflation.material(trial.fit.values)
     judgement = hold_against(material, 1.5, known, trial.judgement)
-    one = Fitted(inflation.choice, trial.fit, material, judge(material, 0.5), {}, judgement)
+    one = FittedLaw(inflation.choice, trial.fit, material, judge(material, 0.5), {}, judgement)
     return one.sound, "" if one.sound else one.warnings[0], one
 
 

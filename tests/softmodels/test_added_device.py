@@ -21,8 +21,8 @@ from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE
 from softmodels.cli.options import device_command, main
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.device import device_of
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_heights
+from softmodels.fitting.outlines.measured_device import device_of
 from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import NeoHookean
 from softmodels.pictures.rendering import can_render

@@ -19,8 +19,8 @@ from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit_curves import fit_curves
 from softmodels.fitting.law_parameters import LawChoice, all_laws
 from softmodels.fitting.options import FitOptions
-from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit_device import fit
+from softmodels.fitting.outlines.measured_device import MeasuredDevice
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.materials.homogeneous import nominal_stress, sphere_pressure
 from softmodels.materials.material import LAWS, Material, MaterialError, parameter, poissons_ratio, register

@@ -338,13 +338,13 @@ def test_a_law_at_the_edge_of_what_it_can_be_is_judged(tmp_path):
     """Mooney-Rivlin on a curve that only hardens ends at a shear modulus of nothing: a sentence, no traceback."""
     from softmodels.fitting.curves.curve import TensileCurve
     from softmodels.fitting.curves.fit import StressError, residuals_of
-    from softmodels.fitting.least_squares import fit
+    from softmodels.fitting.least_squares import fit_parameters
     from softmodels.fitting.soundness import objections
 
     choice = LawChoice.from_text("mooney-rivlin")
     curve = TensileCurve("edge", "uniaxial", L, respond(Yeoh(1.0, 300.0, 5.0, 0.5), L).stress)
     sources, _ = residuals_of([curve], choice, StressError.from_text("constant"))
-    found = fit(sources, choice.parameters({"c10": 1e3, "c01": -1e3 + 1e-5}), errors="unknown")
+    found = fit_parameters(sources, choice.parameters({"c10": 1e3, "c01": -1e3 + 1e-5}), errors="unknown")
     edge = dataclasses.replace(found, values={"c10": 1e3, "c01": -1e3 + 1e-5})
     said = objections(edge, lambda values: choice.material(values).shear_modulus_0)
     assert any("shear modulus" in text or "do not determine" in text for text in said)

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.identifiability import singular_values, unseen
-from softmodels.fitting.least_squares import Stopping, fit
+from softmodels.fitting.least_squares import Stopping, fit_parameters
 from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Prior
 from softmodels.fitting.profile import profile
 from softmodels.fitting.residual_groups import autocorrelation_time
@@ -50,7 +50,7 @@ def free(*names, start=1.0, **more):
 
 def test_line_is_linear_algebra():
     measured = 2 + 3 * X + 0.1 * NOISE
-    found = fit([Curve(line, ("a", "b"), measured, 0.01)], free("a", "b"))
+    found = fit_parameters([Curve(line, ("a", "b"), measured, 0.01)], free("a", "b"))
     A = np.column_stack([np.ones_like(X), X])
     by_hand, misfit, *_ = np.linalg.lstsq(A, measured, rcond=None)
     assert [found.values["a"], found.values["b"]] == pytest.approx(by_hand, rel=1e-9)
@@ -65,7 +65,7 @@ def test_line_is_linear_algebra():
 def test_unknown_errors_let_each_residual_speak():
     """HC3 by hand: (A'A)^-1 A' diag(r_i / (1 - h_i))^2 A (A'A)^-1."""
     measured = 2 + 3 * X + 0.1 * NOISE * (1 + X)
-    found = fit([Curve(line, ("a", "b"), measured, 7.0)], free("a", "b"), errors="unknown")
+    found = fit_parameters([Curve(line, ("a", "b"), measured, 7.0)], free("a", "b"), errors="unknown")
     A = np.column_stack([np.ones_like(X), X])
     inverse = np.linalg.inv(A.T @ A)
     r = measured - A @ inverse @ A.T @ measured
@@ -76,7 +76,8 @@ def test_unknown_errors_let_each_residual_speak():
 def test_stated_errors_are_believed_unless_the_scatter_is_larger():
     measured = 2 + 3 * X + 0.1 * NOISE
     errors = {
-        size: fit([Curve(line, ("a", "b"), measured, size)], free("a", "b")).error("a") for size in (1.0, 0.1, 0.01)
+        size: fit_parameters([Curve(line, ("a", "b"), measured, size)], free("a", "b")).error("a")
+        for size in (1.0, 0.1, 0.01)
     }
     assert errors[1.0] == pytest.approx(1.0 / np.sqrt(len(X)))
     assert errors[0.01] == pytest.approx(0.1 / np.sqrt(len(X)), rel=0.3)
@@ -84,14 +85,14 @@ def test_stated_errors_are_believed_unless_the_scatter_is_larger():
 
 def test_residuals_are_told_in_their_own_unit():
     measured = 2 + 3 * X + 0.1 * NOISE
-    group = fit([Curve(line, ("a", "b"), measured, 0.02)], free("a", "b")).summaries["curve"]
+    group = fit_parameters([Curve(line, ("a", "b"), measured, 0.02)], free("a", "b")).summaries["curve"]
     assert group.unit == "mm" and group.count == len(X)
     assert group.rms == pytest.approx(0.1, rel=0.2) and abs(group.mean) < 1e-8
     assert abs(group.largest) == pytest.approx(0.1 * np.abs(NOISE).max(), rel=0.2)
 
 
 def test_profile_of_a_line_is_the_parabola():
-    found = fit([Curve(line, ("a", "b"), 2 + 3 * X + 0.1 * NOISE, 0.1)], free("a", "b"), errors="unknown")
+    found = fit_parameters([Curve(line, ("a", "b"), 2 + 3 * X + 0.1 * NOISE, 0.1)], free("a", "b"), errors="unknown")
     held = profile(found, "b")
     assert held.rises == pytest.approx(((held.values - found.values["b"]) / found.error("b")) ** 2, abs=1e-6)
     assert held.interval == pytest.approx(found.interval("b"), rel=1e-6)
@@ -100,7 +101,9 @@ def test_profile_of_a_line_is_the_parabola():
 
 @pytest.mark.parametrize("loss", ["linear", "soft_l1"])
 def test_profile_meets_the_covariance_in_a_nonlinear_fit(loss):
-    found = fit([Curve(power, ("a", "b"), power(2.0, 0.7)[0] + 0.01 * NOISE, 0.01)], free("a", "b"), loss=loss)
+    found = fit_parameters(
+        [Curve(power, ("a", "b"), power(2.0, 0.7)[0] + 0.01 * NOISE, 0.01)], free("a", "b"), loss=loss
+    )
     for name in ("a", "b"):
         best = found.values[name]
         assert np.subtract(profile(found, name).interval, best) == pytest.approx(
@@ -112,7 +115,8 @@ def test_robust_loss_leaves_outliers_out():
     measured = 2 + 3 * X + 0.1 * NOISE
     measured[::8] += 5.0
     plain, robust = (
-        fit([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), loss=loss) for loss in ("linear", "soft_l1")
+        fit_parameters([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), loss=loss)
+        for loss in ("linear", "soft_l1")
     )
     assert abs(plain.values["a"] - 2) > 0.5 > 0.1 > abs(robust.values["a"] - 2)
     assert robust.error("a") < plain.error("a") / 3
@@ -121,7 +125,7 @@ def test_robust_loss_leaves_outliers_out():
 def test_prior_is_one_more_residual():
     """Two numbers of one thing average with their inverse squares."""
     source = Curve(lambda a: (np.full(4, a), (np.ones(4),)), ("a",), np.full(4, 8.0), 2.0)
-    found = fit([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))])
+    found = fit_parameters([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))])
     assert found.values["a"] == pytest.approx((8.0 * 1 + 7.0 * 4) / 5)
     assert found.error("a") == pytest.approx(np.sqrt(1 / 5))
     assert found.count == 4
@@ -129,14 +133,17 @@ def test_prior_is_one_more_residual():
 
 def test_a_prior_that_says_all_is_told():
     source = Curve(lambda a: (np.full(4, a), (np.ones(4),)), ("a",), np.full(4, 10.0), 20.0)
-    assert "a rests on its prior" in unseen(fit([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))]))[0]
+    assert (
+        "a rests on its prior"
+        in unseen(fit_parameters([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))]))[0]
+    )
 
 
 def test_what_cannot_be_told_apart_has_no_interval():
     def both(a, b):
         return (a + b) * X, (X, X)
 
-    found = fit([Curve(both, ("a", "b"), 3 * X + 0.1 * NOISE, 0.1)], free("a", "b"))
+    found = fit_parameters([Curve(both, ("a", "b"), 3 * X + 0.1 * NOISE, 0.1)], free("a", "b"))
     assert found.values["a"] + found.values["b"] == pytest.approx(3.0, abs=0.1)
     assert np.isinf(found.error("a")) and np.isinf(found.error("b"))
     assert found.interval("a") == (-np.inf, np.inf)
@@ -148,7 +155,7 @@ def test_nearly_the_same_is_seen_only_together():
     def near(a, b):
         return a * X + b * (X + 0.05 * X**2), (X, X + 0.05 * X**2)
 
-    found = fit([Curve(near, ("a", "b"), near(1.0, 2.0)[0] + 0.01 * NOISE, 0.01)], free("a", "b"))
+    found = fit_parameters([Curve(near, ("a", "b"), near(1.0, 2.0)[0] + 0.01 * NOISE, 0.01)], free("a", "b"))
     assert any("a and b only together" in text for text in unseen(found))
     assert found.correlations[0, 1] < -0.98
     values, _ = singular_values(found)
@@ -156,14 +163,14 @@ def test_nearly_the_same_is_seen_only_together():
 
 
 def test_a_bound_that_holds_the_fit_is_told():
-    found = fit([Curve(line, ("a", "b"), 2 + 3 * X, 0.1)], [*free("a"), *free("b", upper=2.0)])
+    found = fit_parameters([Curve(line, ("a", "b"), 2 + 3 * X, 0.1)], [*free("a"), *free("b", upper=2.0)])
     assert found.values["b"] == pytest.approx(2.0)
     assert found.troubles == ("b ended at its bound 2 mm",)
     assert np.isnan(found.error("b")) and np.isfinite(found.error("a"))
 
 
 def test_no_convergence_is_told():
-    found = fit(
+    found = fit_parameters(
         [Curve(power, ("a", "b"), power(2.0, 3.0)[0], 1e-3)],
         free("a", "b", start=0.1),
         stopping=Stopping(evaluations=2),
@@ -178,7 +185,7 @@ def test_a_wrong_derivative_is_told():
         value, (one, two) = power(a, b)
         return value, (one, -two)
 
-    found = fit([Curve(wrong, ("a", "b"), power(2.0, 0.7)[0], 1e-3)], free("a", "b"))
+    found = fit_parameters([Curve(wrong, ("a", "b"), power(2.0, 0.7)[0], 1e-3)], free("a", "b"))
     assert not found.converged
 
 
@@ -186,7 +193,7 @@ def test_starts_that_disagree_are_told():
     def fold(a):
         return (a**2 - 4) + 0 * X, (2 * a * np.ones_like(X),)
 
-    found = fit(
+    found = fit_parameters(
         [Curve(fold, ("a",), 0.01 * NOISE, 0.01)], [Parameter("a", "mm", 2.5)], starts=[{"a": 2.5}, {"a": -2.5}]
     )
     assert abs(found.values["a"]) == pytest.approx(2.0, abs=0.01)
@@ -198,7 +205,7 @@ def test_terms_that_change_places_do_not_disagree():
         return np.exp(a * X) + np.exp(b * X), (X * np.exp(a * X), X * np.exp(b * X))
 
     starts = [{"a": 0.5, "b": 2.5}, {"a": 2.5, "b": 0.5}]
-    found = fit([Curve(two, ("a", "b"), two(1.0, 2.0)[0], 0.01)], free("a", "b"), starts=starts)
+    found = fit_parameters([Curve(two, ("a", "b"), two(1.0, 2.0)[0], 0.01)], free("a", "b"), starts=starts)
     assert sorted(found.values.values()) == pytest.approx([1.0, 2.0])
     assert found.troubles == ()
 
@@ -211,10 +218,10 @@ def test_a_failed_start_is_passed_over():
             return super().evaluate(values, derivatives)
 
     source = Sometimes(line, ("a", "b"), 2 + 3 * X, 0.1)
-    found = fit([source], free("a", "b"), starts=[{"a": 7.0}, {"a": 1.0}])
+    found = fit_parameters([source], free("a", "b"), starts=[{"a": 7.0}, {"a": 1.0}])
     assert found.values["a"] == pytest.approx(2.0) and "above 5" in found.starts[0].trouble
     with pytest.raises(FitError, match="cannot start: no equilibrium above 5"):
-        fit([source], free("a", "b"), starts=[{"a": 7.0}])
+        fit_parameters([source], free("a", "b"), starts=[{"a": 7.0}])
 
 
 def test_an_infeasible_step_is_cut():
@@ -224,13 +231,13 @@ def test_an_infeasible_step_is_cut():
         with np.errstate(invalid="ignore"):
             return np.log(3 - a) * np.ones_like(X), (-np.ones_like(X) / (3 - a),)
 
-    found = fit([Curve(barrier, ("a",), np.full(X.shape, -4.0), 1e-3)], free("a", start=-50.0))
+    found = fit_parameters([Curve(barrier, ("a",), np.full(X.shape, -4.0), 1e-3)], free("a", start=-50.0))
     assert found.values["a"] == pytest.approx(3 - np.exp(-4.0)) and found.converged
 
 
 def test_fits_repeat_to_the_last_bit():
     source = Curve(power, ("a", "b"), power(2.0, 0.7)[0] + 0.01 * NOISE, 0.01)
-    first, second = (fit([source], free("a", "b"), starts=5, loss="soft_l1") for _ in range(2))
+    first, second = (fit_parameters([source], free("a", "b"), starts=5, loss="soft_l1") for _ in range(2))
     assert first.values == second.values and [s.deviance for s in first.starts] == [s.deviance for s in second.starts]
 
 
@@ -256,7 +263,7 @@ def test_intervals_cover(factor, loss):
         for i in range(1, 260):
             noise[i] += factor * noise[i - 1]
         source = Curve(lambda a, b: (a + b * x, (np.ones_like(x), x)), ("a", "b"), 2 + 3 * x + 0.05 * noise[60:], 0.05)
-        low, high = fit([source], free("a", "b"), errors="unknown", loss=loss).interval("b")
+        low, high = fit_parameters([source], free("a", "b"), errors="unknown", loss=loss).interval("b")
         hits += low <= 3.0 <= high
     assert 0.90 <= hits / 400 <= 0.99, hits / 400
 
@@ -267,8 +274,8 @@ def test_comparison_prefers_the_truth_and_says_when_it_cannot():
 
     def compared(measured):
         fits = [
-            fit([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), label="line"),
-            fit([Curve(parabola, ("a", "b", "c"), measured, 0.1)], free("a", "b", "c"), label="parabola"),
+            fit_parameters([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), label="line"),
+            fit_parameters([Curve(parabola, ("a", "b", "c"), measured, 0.1)], free("a", "b", "c"), label="parabola"),
         ]
         return compare(fits)
 
@@ -277,7 +284,12 @@ def test_comparison_prefers_the_truth_and_says_when_it_cannot():
     straight = compared(line(1.0, 2.0)[0] + 0.1 * NOISE)
     assert "take line, the simplest" in straight.sentence or straight.ranked[0].fit.label == "line"
     with pytest.raises(ValueError, match="same measurements"):
-        compare([bent.ranked[0].fit, fit([Curve(line, ("a", "b"), line(1, 2)[0])], free("a", "b"), loss="soft_l1")])
+        compare(
+            [
+                bent.ranked[0].fit,
+                fit_parameters([Curve(line, ("a", "b"), line(1, 2)[0])], free("a", "b"), loss="soft_l1"),
+            ]
+        )
 
 
 GOOD = Curve(line, ("a", "b"), 2 + 3 * X)
@@ -286,19 +298,19 @@ GOOD = Curve(line, ("a", "b"), 2 + 3 * X)
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: fit([], free("a")), "nothing to fit to"),
-        (lambda: fit([GOOD], free("a")), "no start is given for b"),
-        (lambda: fit([GOOD], free("a", "b", "b")), "given twice"),
-        (lambda: fit([GOOD], free("a", "b", "c")), "nothing measured depends on c"),
-        (lambda: fit([GOOD], free("a", "b", fixed=True)), "every parameter is fixed"),
-        (lambda: fit([GOOD], free("a", "b"), loss="cubic"), "loss 'cubic'"),
-        (lambda: fit([GOOD], free("a", "b"), errors="none"), "errors 'none'"),
+        (lambda: fit_parameters([], free("a")), "nothing to fit to"),
+        (lambda: fit_parameters([GOOD], free("a")), "no start is given for b"),
+        (lambda: fit_parameters([GOOD], free("a", "b", "b")), "given twice"),
+        (lambda: fit_parameters([GOOD], free("a", "b", "c")), "nothing measured depends on c"),
+        (lambda: fit_parameters([GOOD], free("a", "b", fixed=True)), "every parameter is fixed"),
+        (lambda: fit_parameters([GOOD], free("a", "b"), loss="cubic"), "loss 'cubic'"),
+        (lambda: fit_parameters([GOOD], free("a", "b"), errors="none"), "errors 'none'"),
         (lambda: Parameter("a", "", 1.0, 2.0, 1.0), "leave nothing between"),
         (lambda: Parameter("a", "", 3.0, 1.0, 2.0), "outside its bounds"),
         (lambda: Parameter("a", "", np.nan), "not a finite number"),
         (lambda: Prior(1.0, 0.0), "error above zero"),
         (
-            lambda: fit([Curve(lambda a, b: (np.array([a + b]), (np.ones(1), np.ones(1))), ("a", "b"), np.ones(1))],
+            lambda: fit_parameters([Curve(lambda a, b: (np.array([a + b]), (np.ones(1), np.ones(1))), ("a", "b"), np.ones(1))],
                         free("a", "b")),
             "1 numbers cannot determine 2 parameters",
         ),

@@ -10,7 +10,7 @@ import pytest
 from softmodels.fitting.comparison import MOST_RATIO, compare
 from softmodels.fitting.curves.contradiction import contradictions
 from softmodels.fitting.curves.curve import TensileCurve, read_curve
-from softmodels.fitting.curves.fit import StressError, fit_law, residuals_of
+from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, residuals_of
 from softmodels.fitting.curves.fit_curves import prepared
 from softmodels.fitting.curves.thinning import MOST_POINTS, thinned
 from softmodels.fitting.curves.yardstick import STEPS, evened, on_yardstick
@@ -45,7 +45,7 @@ def chosen(curves, error, laws=LAWS):
     for law in laws:
         choice = LawChoice.from_text(law)
         sources, _ = residuals_of(curves, choice, stated, level=True)
-        fits.append(fit_law(choice, sources, errors="stated" if stated.stated else "unknown"))
+        fits.append(fit_law_to_curves(choice, sources, errors="stated" if stated.stated else "unknown"))
         judged.append(on_yardstick(fits[-1], sources))
     comparison = compare(fits, judged)
     rms = {fit.label: float(np.sqrt(np.mean([g.rms**2 for g in fit.summaries.values()]))) for fit in fits}
@@ -175,7 +175,7 @@ def test_a_pause_of_the_machine_is_one_point():
     c1 = []
     for one in (thinned(curve), thinned(held)):
         sources, _ = residuals_of([one], choice, StressError.from_text("constant"))
-        c1.append(fit_law(choice, sources, errors="unknown").values["c1"])
+        c1.append(fit_law_to_curves(choice, sources, errors="unknown").values["c1"])
     assert c1[1] == pytest.approx(c1[0], rel=2e-3)
 
 
@@ -186,7 +186,7 @@ def test_every_curve_weighs_the_same():
     stiff = TensileCurve("stiff", "uniaxial", stretch[::9], respond(NeoHookean(28e3, 0.5), stretch[::9]).stress)
     choice = LawChoice.from_text("neo-hookean")
     sources, _ = residuals_of([soft, stiff], choice, StressError.from_text("constant"), level=True)
-    assert fit_law(choice, sources, errors="unknown").values["shear_modulus"] == pytest.approx(22e3, rel=0.03)
+    assert fit_law_to_curves(choice, sources, errors="unknown").values["shear_modulus"] == pytest.approx(22e3, rel=0.03)
 
 
 def test_contradictions_need_the_same_test_and_the_same_stretches():

@@ -20,7 +20,7 @@ from softmodels.fitting.outlines.fit import (
     ZERO_ERROR,
     Bench,
     OutlineResiduals,
-    fit_outlines,
+    fit_law_to_outlines,
     fits_badly,
     misfits,
     nuisances,
@@ -43,7 +43,7 @@ AWAY = {"scale": 0.003, "zero": 3e-5, "centre": 1e-3}
 @pytest.fixture(scope="module")
 def inflation(comm, tmp_path_factory):
     """Return a function that gives a device under a law, once for all tests."""
-    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Equilibrium
 
@@ -54,7 +54,7 @@ def inflation(comm, tmp_path_factory):
         if key not in known:
             choice = LawChoice.from_text(law, poisson)
             body = Body.from_file(disk, disk.write(folder / f"{disk.name}.msh"), comm)
-            known[key] = Inflation(Equilibrium(body, choice.material(choice.from_modulus(30e3))), choice)
+            known[key] = DeviceModel(Equilibrium(body, choice.material(choice.from_modulus(30e3))), choice)
         return known[key]
 
     return make
@@ -105,7 +105,7 @@ def test_noiseless_outlines_give_their_material_back(inflation):
     outlines = simulated_outlines(device, truth, PRESSURES, Camera(bench=AWAY))
     loose = {name: {"prior": None} for name in ("scale", "zero")}
     device.paths = 0
-    found = fit_outlines(source_of(device, outlines), changes={"c3": {"start": 0.0, "fixed": True}, **loose})
+    found = fit_law_to_outlines(source_of(device, outlines), changes={"c3": {"start": 0.0, "fixed": True}, **loose})
     assert found.converged and not found.troubles
     for name, value in ({"c1": 14e3, "c2": 600.0} | AWAY).items():
         assert found.values[name] == pytest.approx(value, rel=1e-6), name
@@ -119,7 +119,9 @@ def test_outlines_past_a_limit_point(inflation):
     outlines = simulated_outlines(device, {"shear_modulus": 20e3}, volumes, Camera(bench=AWAY), "volume")
     readings = [outline.pressure for outline in outlines]
     assert max(readings) > 1.02 * readings[-1]
-    found = fit_outlines(source_of(device, outlines), changes={name: {"prior": None} for name in ("scale", "zero")})
+    found = fit_law_to_outlines(
+        source_of(device, outlines), changes={name: {"prior": None} for name in ("scale", "zero")}
+    )
     assert found.converged
     assert found.values["shear_modulus"] == pytest.approx(20e3, rel=1e-6)
 
@@ -136,7 +138,7 @@ def test_error_bars_are_honest(inflation):
         camera = Camera(error=10e-6, run=8.0, pressure_error=10.0, bench=bench)
         outlines = simulated_outlines(device, HARDENING, PRESSURES, camera, rng=rng)
         source = source_of(device, outlines)
-        found = fit_outlines(source, changes={"c3": {"start": 100.0, "fixed": True}})
+        found = fit_law_to_outlines(source, changes={"c3": {"start": 100.0, "fixed": True}})
         truth = HARDENING | bench
         misses.append([(found.values[n] - truth[n]) / found.error(n) for n in ("c1", "c2", "leak", "scale", "zero")])
         assert not any(fits_badly(*pair) for pair in misfits(source, found.residuals).values())
@@ -150,8 +152,8 @@ def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation):
     rng = np.random.default_rng(3)
     stiffening = {"c1": 12e3, "c2": 3e3, "c3": 1e3}
     outlines = simulated_outlines(device, stiffening, PRESSURES, Camera(), rng=rng)
-    good, source = fit_outlines(first := source_of(device, outlines)), source_of(plain, outlines)
-    bad = fit_outlines(source)
+    good, source = fit_law_to_outlines(first := source_of(device, outlines)), source_of(plain, outlines)
+    bad = fit_law_to_outlines(source)
     assert not any(fits_badly(*pair) for pair in misfits(first, good.residuals).values())
     per = {name: chi2 / count for name, (chi2, count) in misfits(source, bad.residuals).items()}
     assert per["simulated 5"] == max(per[shape.source] for shape in source.shapes)
@@ -166,7 +168,7 @@ def test_poisson_near_a_half_is_not_seen(inflation):
     outlines = simulated_outlines(device, HARDENING, PRESSURES, Camera(), rng=np.random.default_rng(4))
     source = source_of(device, outlines)
     fixed = {"c3": {"start": 100.0, "fixed": True}, "poisson": {"lower": 0.47, "upper": 0.5}}
-    found = fit_outlines(source, Bench((*BENCH, "membrane", "poisson")), changes=fixed)
+    found = fit_law_to_outlines(source, Bench((*BENCH, "membrane", "poisson")), changes=fixed)
     low, high = profile(found, "poisson", 5).interval
     assert low == 0.47 and high == 0.5
 
@@ -187,7 +189,7 @@ def test_heights_alone(inflation):
     truth = {"c1": 14e3, "c2": 600.0, "c3": 0.0}
     hold = {"c3": {"start": 0.0, "fixed": True}}
     states = device.states(truth, PRESSURES, "pressure")
-    lengths = device.take(truth)
+    lengths = device.set_parameters(truth)
     tops = [float(device.curve(state, lengths).nodes[0, 0, 1]) for state in states]
     exact = [Height(f"{p:.0f}", float(p), top) for p, top in zip(PRESSURES, tops, strict=True)]
     found = fit_heights(HeightResiduals(device, check_heights(exact, device.silhouette.width)), changes=hold)
@@ -231,9 +233,9 @@ def test_a_tensile_curve_tells_the_leak(inflation):
     noise = np.hypot(error.relative * stress, error.absolute) * rng.standard_normal(len(stretch))
     curve = TensileCurve("pull", "uniaxial", stretch, stress + noise)
     changes = {"leak": {"prior": Prior(0.0, 0.1)}}
-    alone = fit_outlines(source_of(device, outlines), changes=changes)
+    alone = fit_law_to_outlines(source_of(device, outlines), changes=changes)
     sources, gauges = residuals_of([curve], choice, error, 0.01)
-    both = fit_outlines(source_of(device, outlines), extra=Extra(sources, gauges.parameters), changes=changes)
+    both = fit_law_to_outlines(source_of(device, outlines), extra=Extra(sources, gauges.parameters), changes=changes)
     truth = HARDENING | bench
     for name in ("c1", "c2", "c3", "leak"):
         assert abs(both.values[name] - truth[name]) < 3.0 * both.error(name), name

@@ -15,7 +15,7 @@ ADDED = 0.6e-6
 
 @pytest.fixture(scope="module")
 def device(comm, tmp_path_factory):
-    from softmodels.fitting.outlines.forward import Inflation
+    from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Equilibrium
 
@@ -25,7 +25,7 @@ def device(comm, tmp_path_factory):
         if disk.key not in known:
             choice = LawChoice.from_text("neo-hookean", 0.49)
             body = Body.from_file(disk, disk.write(folder / f"{disk.name}.msh"), comm)
-            known[disk.key] = Inflation(Equilibrium(body, choice.material({"shear_modulus": 30e3})), choice)
+            known[disk.key] = DeviceModel(Equilibrium(body, choice.material({"shear_modulus": 30e3})), choice)
         return known[disk.key]
 
     return make
@@ -68,7 +68,7 @@ def test_it_moves_as_the_derivatives_say(device):
 
     def nodes(added, membrane):
         (state,) = made.states({**values, "membrane": membrane}, [added])
-        return made.curve(state, made.take({**values, "membrane": membrane})).nodes
+        return made.curve(state, made.set_parameters({**values, "membrane": membrane})).nodes
 
     (state,) = made.states(values, [ADDED])
     slopes = made.slopes(state, ["membrane"])

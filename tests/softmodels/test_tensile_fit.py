@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of
+from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, largest_strain, residuals_of
 from softmodels.fitting.identifiability import unseen
 from softmodels.fitting.law_parameters import LawChoice, all_laws
-from softmodels.fitting.least_squares import fit
+from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.problem import Extra, FitError, Parameter, Prior
 from softmodels.fitting.profile import profile
 from softmodels.materials.laws import LAWS
@@ -45,7 +45,7 @@ def curves_of(name, noise=0.0, seed=0, top=5.0, modes=MODE_NAMES, count=60):
 def fitted(name, curves, error="50Pa", gauge=0.0, **more):
     choice, stated = LawChoice.from_text(name), StressError.from_text(error)
     sources, gauges = residuals_of(curves, choice, stated, gauge)
-    return fit_law(choice, sources, gauges, errors="stated" if stated.stated else "unknown", **more)
+    return fit_law_to_curves(choice, sources, gauges, errors="stated" if stated.stated else "unknown", **more)
 
 
 def test_every_law_is_here():
@@ -106,7 +106,7 @@ def test_intervals_cover_the_truth(name, error):
     for seed in range(250):
         choice, stated = LawChoice.from_text(name), StressError.from_text(error)
         sources, _ = residuals_of(curves_of(name, ABSOLUTE, seed, modes=("uniaxial",), count=40), choice, stated)
-        found = fit(sources, choice.parameters(TRUTH[name]), errors="stated" if stated.stated else "unknown")
+        found = fit_parameters(sources, choice.parameters(TRUTH[name]), errors="stated" if stated.stated else "unknown")
         for i, (parameter, truth) in enumerate(TRUTH[name].items()):
             low, high = found.interval(parameter)
             hits[i] += low <= truth <= high
@@ -173,10 +173,10 @@ def test_other_sources_join():
     choice = LawChoice.from_text("neo-hookean")
     offset = Parameter("offset", "Pa", 0.0, -1e4, 1e4)
     sources, _ = residuals_of(curves_of("neo-hookean"), choice, StressError(0.0, ABSOLUTE, True))
-    joint = fit_law(choice, sources, Extra([Scale()], [offset]), errors="stated")
+    joint = fit_law_to_curves(choice, sources, Extra([Scale()], [offset]), errors="stated")
     assert joint.values == pytest.approx({"shear_modulus": 20e3, "offset": 500.0})
     assert set(joint.summaries) == {"balance", *(source.label for source in sources)}
-    alone = fit_law(choice, [], Extra([Scale()], [offset]), errors="stated")
+    alone = fit_law_to_curves(choice, [], Extra([Scale()], [offset]), errors="stated")
     assert alone.values["shear_modulus"] == pytest.approx(20e3)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softmodels.fitting.believable import expected, objection
-from softmodels.fitting.outlines.pressure_course import Row, contradictions
+from softmodels.fitting.outlines.pressure_course import Row, wrong_readings
 from softmodels.fitting.outlines.wrong_rows import by_course
 from softmodels.fitting.problem import FitError
 from softmodels.materials.laws import NeoHookean, Yeoh
@@ -43,7 +43,7 @@ def swapped(rows, i, j):
 @pytest.mark.parametrize("hardening", (0.0, 0.3, 1.0))
 def test_a_smooth_series_has_no_contradiction(hardening):
     for seed in range(20):
-        assert contradictions(series(hardening, seed)) == []
+        assert wrong_readings(series(hardening, seed)) == []
 
 
 WRONG = {
@@ -66,7 +66,7 @@ def test_a_wrong_row_is_named(damage, names, said):
 
 
 def test_the_expected_pressure_is_told():
-    (one,) = contradictions(changed(series(), 4, lambda p: 10 * p))
+    (one,) = wrong_readings(changed(series(), 4, lambda p: 10 * p))
     assert one.expected == pytest.approx(series()[4].pressure, rel=0.01) and one.factor == pytest.approx(10.0, rel=0.01)
 
 

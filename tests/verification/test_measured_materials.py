@@ -7,7 +7,7 @@ import pytest
 
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import read_curve
-from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of
+from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, largest_strain, residuals_of
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.materials.laws import Ogden
 from softmodels.materials.silicones import SILICONES
@@ -37,7 +37,7 @@ def rubber(request, shared_data):
 def unweighted(law, *curves, error="constant"):
     choice = LawChoice.from_text(law)
     sources, _ = residuals_of(curves, choice, StressError.from_text(error))
-    return fit_law(choice, sources, errors="unknown")
+    return fit_law_to_curves(choice, sources, errors="unknown")
 
 
 def rms(fit):
@@ -135,7 +135,7 @@ def test_named_silicones_are_these_fits(product, shared_data):
     whole = high > 0.98 * curve.stretch[-1]  # RTV 615 was fitted to its break at 2.93, which the library rounds
     sources, _ = residuals_of([curve if whole else curve.within(low, high)], choice, StressError.from_text("constant"))
     bounds = {"c2": {"lower": 0.0}, "c3": {"lower": 0.0} if silicone.material.c3 else {"start": 0.0, "fixed": True}}
-    found = fit_law(choice, sources, changes=bounds, errors="unknown")
+    found = fit_law_to_curves(choice, sources, changes=bounds, errors="unknown")
     assert found.values["c1"] == pytest.approx(silicone.material.c1, rel=2e-3)
     assert found.values["c2"] == pytest.approx(silicone.material.c2, rel=5e-3)
 

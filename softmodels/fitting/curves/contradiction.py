@@ -11,9 +11,9 @@ import numpy as np
 
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import largest_strain
-from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
 from softmodels.materials.stability import judge
@@ -28,7 +28,7 @@ SAMPLES = 50
 
 
 @dataclasses.dataclass(frozen=True)
-class Contradiction:
+class CurveContradiction:
     """Two curves of the same kind of test that differ by more than tests of one material do.
 
     Attributes:
@@ -36,7 +36,7 @@ class Contradiction:
         stiffer: Place of the stiffer.
         names: Their names, the softer first.
         ratio: Stress of the stiffer over that of the softer: the factor that brings them closest.
-        apart: Root mean square difference as a share of their mean stress.
+        difference: Root mean square difference as a share of their mean stress.
         allowed: The share that tests of one material may differ by.
         stretches: Where they were compared.
     """
@@ -45,7 +45,7 @@ class Contradiction:
     stiffer: int
     names: tuple[str, str]
     ratio: float
-    apart: float
+    difference: float
     allowed: float
     stretches: tuple[float, float]
 
@@ -54,12 +54,12 @@ class Contradiction:
         low, high = self.stretches
         return (
             f"{self.names[0]} and {self.names[1]} contradict each other: from stretch {low:.3g} to {high:.3g} the stress of "
-            f"the second is {self.ratio:.3g} times that of the first (they differ by {100 * self.apart:.2g} %, and tests of "
-            f"one material by less than {100 * self.allowed:.2g} %); batch, rate, conditioning or laboratory may differ"
+            f"the second is {self.ratio:.3g} times that of the first (they differ by {100 * self.difference:.2g} %, and tests "
+            f"of one material by less than {100 * self.allowed:.2g} %); batch, rate, conditioning or laboratory may differ"
         )
 
 
-def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> list[Contradiction]:
+def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> list[CurveContradiction]:
     """All pairs of curves of the same test that contradict each other, by their stresses at the same stretches.
 
     No law is needed for that, so a law that follows neither cannot hide it, nor one that follows both poorly feign it.
@@ -80,19 +80,21 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
             continue
         one, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))
         mean = (one + other) / 2
-        apart = float(np.sqrt(np.mean((one - other) ** 2) / np.mean(mean**2)))
-        if apart <= allowed:
+        difference = float(np.sqrt(np.mean((one - other) ** 2) / np.mean(mean**2)))
+        if difference <= allowed:
             continue
         ratio = float(one @ other / (one @ one))
         pair = (i, j) if ratio >= 1.0 else (j, i)
         names = (curves[pair[0]].name, curves[pair[1]].name)
         ratio = float(one @ other / ((one @ one) if ratio >= 1.0 else (other @ other)))
-        found.append(Contradiction(*pair, names, ratio, apart, allowed, (float(stretch[0]), float(stretch[-1]))))
+        found.append(
+            CurveContradiction(*pair, names, ratio, difference, allowed, (float(stretch[0]), float(stretch[-1])))
+        )
     return found
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Apart:
+class SeparateFits:
     """Curves that contradict each other, each with a fit of its own.
 
     Attributes:
@@ -101,9 +103,9 @@ class Apart:
         own: The chosen law fitted to each of them alone.
     """
 
-    pairs: tuple[Contradiction, ...]
+    pairs: tuple[CurveContradiction, ...]
     curves: tuple[TensileCurve, ...]
-    own: tuple[Fitted, ...]
+    own: tuple[FittedLaw, ...]
 
     @property
     def sentences(self) -> list[str]:
@@ -117,7 +119,7 @@ class Apart:
             modulus = " ".join(with_prefix(one.material.shear_modulus_0, "Pa"))
             lines.append(
                 f"{curve.name} alone: {one.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
-                f"{own_file(self, curve)}"
+                f"{separate_file(self, curve)}"
             )
         return [*lines, self.spread]
 
@@ -139,15 +141,15 @@ class Apart:
         )
 
 
-def own_file(apart: Apart, curve: TensileCurve) -> str:
+def separate_file(separate: SeparateFits, curve: TensileCurve) -> str:
     """Name of the material file of a curve's own fit."""
-    number = next(i for i, other in enumerate(apart.curves, 1) if other is curve)
+    number = next(i for i, other in enumerate(separate.curves, 1) if other is curve)
     return f"fitted-curve{number}.toml"
 
 
-def told_apart(
-    curves: Sequence[TensileCurve], gauge_error: float, fit_one: Callable[[TensileCurve], Fitted]
-) -> Apart | None:
+def fit_separately(
+    curves: Sequence[TensileCurve], gauge_error: float, fit_one: Callable[[TensileCurve], FittedLaw]
+) -> SeparateFits | None:
     """Curves that contradict each other, fitted one by one; None where they go together.
 
     Args:
@@ -156,10 +158,10 @@ def told_apart(
         fit_one: Fits the chosen law to one curve.
     """
     pairs = tuple(contradictions(curves, gauge_error))
-    return Apart(pairs, tuple(curves), tuple(map(fit_one, curves))) if pairs else None
+    return SeparateFits(pairs, tuple(curves), tuple(map(fit_one, curves))) if pairs else None
 
 
-def fitted_alone(choice: LawChoice, fit: Fit, curve: TensileCurve) -> Fitted:
+def fitted_alone(choice: LawChoice, fit: LeastSquaresFit, curve: TensileCurve) -> FittedLaw:
     """A curve's own fit as a material with its stability."""
     material = choice.material(fit.values)
-    return Fitted(choice, fit, material, judge(material, largest_strain([curve])), {})
+    return FittedLaw(choice, fit, material, judge(material, largest_strain([curve])), {})

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from measurement.units import UnitError, quantity
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, small_modulus
 from softmodels.fitting.law_parameters import LawChoice, by_bounds, closed_starts
-from softmodels.fitting.least_squares import fit
+from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, Parameter, Prior
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.material import Material, MaterialError
 from softmodels.materials.specimens import respond, strain_of
 
@@ -120,7 +120,7 @@ class TensileResiduals:
         return (*self.choice.names, self.gauge) if self.gauge else self.choice.names
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
-        """See `softmodels.fitting.least_squares.Residuals`."""
+        """See `softmodels.fitting.problem.Residuals`."""
         try:
             material = self.choice.material(values)
         except MaterialError as error:
@@ -178,7 +178,7 @@ def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[d
     return closed_starts(choice, design, target, modulus, largest_strain(curves))
 
 
-def fit_law(
+def fit_law_to_curves(
     choice: LawChoice,
     sources: Sequence[TensileResiduals],
     extra: Extra = NOTHING_ELSE,
@@ -187,7 +187,7 @@ def fit_law(
     loss: str = "linear",
     errors: str = "unknown",
     scale: float | None = None,
-) -> Fit:
+) -> LeastSquaresFit:
     """Fit a law to curves from starts in closed form.
 
     Args:
@@ -195,13 +195,13 @@ def fit_law(
         sources: From `residuals_of`, for this law.
         extra: Parameters beside the law's, such as the curves' own factors, and further sources.
         changes: Fields of parameters to replace.
-        loss: See `softmodels.fitting.least_squares.fit`.
-        errors: See `softmodels.fitting.least_squares.fit`.
+        loss: See `softmodels.fitting.least_squares.fit_parameters`.
+        errors: See `softmodels.fitting.least_squares.fit_parameters`.
         scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all
             laws that are to be compared. None takes `spread` of a first fit without it.
 
     Raises:
-        FitError: See `softmodels.fitting.least_squares.fit`; or a change names no parameter.
+        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
     """
     known = {*choice.names, *(p.name for p in extra.parameters)}
     for name in changes:
@@ -209,7 +209,7 @@ def fit_law(
             raise FitError(f"{choice.name} has no parameter {name!r}; it has {', '.join(sorted(known))}")
     if loss != "linear" and errors == "unknown":
         if scale is None:
-            scale = spread(fit_law(choice, sources, extra, changes=changes, errors=errors))
+            scale = spread(fit_law_to_curves(choice, sources, extra, changes=changes, errors=errors))
         sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
     fits = []
     guesses = starts_for(choice, sources) if sources else [choice.from_modulus(MODULUS)]
@@ -217,7 +217,9 @@ def fit_law(
         parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(starts[0]), *extra.parameters)]
         try:
             fits.append(
-                fit([*sources, *extra.sources], parameters, loss=loss, starts=starts, errors=errors, label=choice.name)
+                fit_parameters(
+                    [*sources, *extra.sources], parameters, loss=loss, starts=starts, errors=errors, label=choice.name
+                )
             )
         except FitError as error:
             trouble = error
@@ -226,6 +228,6 @@ def fit_law(
     return min(fits, key=lambda one: (not one.converged, one.deviance))
 
 
-def spread(fit: Fit) -> float:
+def spread(fit: LeastSquaresFit) -> float:
     """Standard deviation of a fit's residuals that outliers hardly change (median absolute deviation)."""
     return max(1.4826 * float(np.median(np.abs(fit.residuals[: fit.count]))), 1e-9)

@@ -9,18 +9,18 @@ from pathlib import Path
 from softmodels.fitting.believable import Expected, expected, hold_against, stretch_of
 from softmodels.fitting.comparison import Comparison, compare
 from softmodels.fitting.curves.columns import TensileError
-from softmodels.fitting.curves.contradiction import fitted_alone, told_apart
+from softmodels.fitting.curves.contradiction import fit_separately, fitted_alone
 from softmodels.fitting.curves.curve import TensileCurve, read_curve, small_modulus
-from softmodels.fitting.curves.fit import StressError, fit_law, largest_strain, residuals_of, spread
+from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, largest_strain, residuals_of, spread
 from softmodels.fitting.curves.thinning import thinned
 from softmodels.fitting.curves.yardstick import on_yardstick
-from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.fit_report import FitReport
+from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.law_parameters import LawChoice, Laws, law_choices
 from softmodels.fitting.options import DEFAULTS, FitOptions
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.profile import profile
-from softmodels.fitting.report import Report
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.fitting.soundness import NOTHING
 from softmodels.materials.stability import judge
 
@@ -52,7 +52,7 @@ def fit_curves(
     *,
     stretch: tuple[float, float] | None = None,
     progress: Callable[[str], None] | None = None,
-) -> Report:
+) -> FitReport:
     """Fit every law to all curves together, and to each alone where they contradict each other.
 
     Args:
@@ -99,7 +99,7 @@ class _Task:
     def errors(self) -> str:
         return "stated" if self.error.stated else "unknown"
 
-    def report(self) -> Report:
+    def report(self) -> FitReport:
         known = expected(self.options.silicone)
         fits, scale = self._fit_all(), None
         if self.options.robust:
@@ -108,12 +108,14 @@ class _Task:
             fits = self._fit_all("soft_l1", scale)
         comparison = compare(fits, self._on_yardstick(fits))
         laws = self._laws(fits, comparison, known)
-        report = Report(laws, comparison, tuple(self.curves), _how(self.options))
+        report = FitReport(laws, comparison, tuple(self.curves), _how(self.options))
         chosen = report.chosen.choice
-        apart = told_apart(self.curves, self.options.gauge_error, lambda curve: self._alone(chosen, curve, scale))
-        return dataclasses.replace(report, apart=apart)
+        separate = fit_separately(
+            self.curves, self.options.gauge_error, lambda curve: self._alone(chosen, curve, scale)
+        )
+        return dataclasses.replace(report, separate=separate)
 
-    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[Fit]:
+    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
         fits = []
         for i, choice in enumerate(self.choices, 1):
             if len(self.choices) > 1:
@@ -121,10 +123,12 @@ class _Task:
             sources, extra = residuals_of(self.curves, choice, self.error, self.options.gauge_error, level=True)
             names = (*choice.names, *(p.name for p in extra.parameters))
             changes = self.options.changes_of(names)
-            fits.append(fit_law(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale))
+            fits.append(
+                fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
+            )
         return fits
 
-    def _on_yardstick(self, fits: Sequence[Fit]) -> list[Fit] | None:
+    def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> list[LeastSquaresFit] | None:
         """The laws on the yardstick that they are compared by; None for one law alone, which nothing is compared with."""
         if len(fits) < 2:
             return None
@@ -133,7 +137,7 @@ class _Task:
             for fit, choice in zip(fits, self.choices, strict=True)
         ]
 
-    def _laws(self, fits: Sequence[Fit], comparison: Comparison, known: Expected) -> tuple[Fitted, ...]:
+    def _laws(self, fits: Sequence[LeastSquaresFit], comparison: Comparison, known: Expected) -> tuple[FittedLaw, ...]:
         strain, laws = largest_strain(self.curves), []
         for ranked in comparison.ranked:
             choice = self.choices[fits.index(ranked.fit)]
@@ -143,14 +147,14 @@ class _Task:
             material, judgement = choice.material(ranked.fit.values), NOTHING
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
-            laws.append(Fitted(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
+            laws.append(FittedLaw(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
         return tuple(laws)
 
-    def _alone(self, choice: LawChoice, curve: TensileCurve, scale: float | None) -> Fitted:
+    def _alone(self, choice: LawChoice, curve: TensileCurve, scale: float | None) -> FittedLaw:
         sources, _ = residuals_of([curve], choice, self.error)
         changes = self.options.changes_of(choice.names)
         loss = "linear" if scale is None else "soft_l1"
-        fit = fit_law(choice, sources, changes=changes, errors=self.errors, loss=loss, scale=scale)
+        fit = fit_law_to_curves(choice, sources, changes=changes, errors=self.errors, loss=loss, scale=scale)
         return fitted_alone(choice, fit, curve)
 
 

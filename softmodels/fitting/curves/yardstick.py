@@ -11,8 +11,8 @@ import numpy.typing as npt
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import TensileResiduals, noise
 from softmodels.fitting.curves.thinning import averaged
-from softmodels.fitting.least_squares import fit
-from softmodels.fitting.result import Fit
+from softmodels.fitting.least_squares import fit_parameters
+from softmodels.fitting.result import LeastSquaresFit
 
 Array = npt.NDArray[np.float64]
 
@@ -22,7 +22,7 @@ TELLS, RESOLVES = 0.01, 0.005
 """What a tensile test can tell of a law: this share of the stress, and this share of the largest stress."""
 
 
-def on_yardstick(fitted: Fit, sources: Sequence[TensileResiduals]) -> Fit:
+def on_yardstick(fitted: LeastSquaresFit, sources: Sequence[TensileResiduals]) -> LeastSquaresFit:
     """A law fitted anew on the curves of `evened`, with what a tensile test can tell as its errors.
 
     Laws are compared by these fits, so that the choice of errors does not choose the law. Nor does the sampling: 37,512, 375
@@ -31,7 +31,7 @@ def on_yardstick(fitted: Fit, sources: Sequence[TensileResiduals]) -> Fit:
     """
     even = [dataclasses.replace(s, curve=(curve := evened(s.curve)), errors=_told(curve)) for s in sources]
     loss, label = fitted.loss, fitted.label
-    return fit(even, fitted.parameters, loss=loss, starts=[fitted.values], errors="stated", label=label)
+    return fit_parameters(even, fitted.parameters, loss=loss, starts=[fitted.values], errors="stated", label=label)
 
 
 def evened(curve: TensileCurve) -> TensileCurve:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fitting.outlines.data import Shape
-from softmodels.fitting.outlines.forward import Inflation
+from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.shadow import shadow_of
 from softmodels.fitting.outlines.simulated import half_outline
@@ -25,7 +25,7 @@ SPACING = 2e-5
 
 
 def series_of(
-    inflation: Inflation,
+    model: DeviceModel,
     sources: Sequence[str],
     heights: Array,
     pressures: Array,
@@ -35,7 +35,7 @@ def series_of(
     """The series with the pressure that the device takes for each height, and its curve there.
 
     Args:
-        inflation: The device and any law.
+        model: The device and any law.
         sources: Names of the photographs.
         heights: Heights of the top in m, shape (n,).
         pressures: Readings in Pa, shape (n,).
@@ -45,27 +45,27 @@ def series_of(
     Raises:
         OutlineFitError: The device cannot rise as high as was measured.
     """
-    plain = inflation.choice.from_modulus(MODULUS)
-    states = inflation.states(plain, volumes_of(inflation, plain, heights))
-    lengths = inflation.take(plain)
+    plain = model.choice.from_modulus(MODULUS)
+    states = model.states(plain, volumes_of(model, plain, heights))
+    lengths = model.set_parameters(plain)
     rows = [
-        Row(source, float(height), float(pressure), float(error), float(rough), inflation.pressure(state) / MODULUS)
+        Row(source, float(height), float(pressure), float(error), float(rough), model.pressure(state) / MODULUS)
         for source, height, pressure, error, rough, state in zip(
             sources, heights, pressures, pressure_errors, errors, states, strict=True
         )
     ]
-    return rows, [inflation.curve(state, lengths) for state in states]
+    return rows, [model.curve(state, lengths) for state in states]
 
 
-def series_of_shapes(inflation: Inflation, shapes: Sequence[Shape]) -> list[Row]:
+def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[Row]:
     """The series of outlines, whose shapes must be the device's.
 
     Raises:
         UnsoundError: They are of another device.
     """
     columns = [(shape.height, shape.pressure, shape.pressure_error, float(np.median(shape.error))) for shape in shapes]
-    rows, curves = series_of(inflation, [shape.source for shape in shapes], *np.array(columns).T)
-    _check_widths(shapes, curves, type(inflation.equilibrium.body.actuator).__name__)
+    rows, curves = series_of(model, [shape.source for shape in shapes], *np.array(columns).T)
+    _check_widths(shapes, curves, type(model.equilibrium.body.actuator).__name__)
     return rows
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from softmodels.fitting.problem import Parameter
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 
 REPORTED = 1.0
 """Corrections beyond this many standard errors of their prior are reported."""
@@ -47,7 +47,7 @@ WORDS: dict[str, tuple[Callable[[float], str], str]] = {
 }  # fmt: skip
 
 
-def corrections(fit: Fit) -> list[str]:
+def corrections(fit: LeastSquaresFit) -> list[str]:
     """A sentence on each correction that is larger than expected."""
     said = []
     for p, away in _away(fit):
@@ -60,7 +60,7 @@ def corrections(fit: Fit) -> list[str]:
     return said
 
 
-def unbelievable(fit: Fit) -> list[str]:
+def unbelievable(fit: LeastSquaresFit) -> list[str]:
     """A sentence on each correction of the pressures that no bench needs."""
     said = []
     for p, away in _away(fit):
@@ -73,7 +73,7 @@ def unbelievable(fit: Fit) -> list[str]:
     return said
 
 
-def _away(fit: Fit) -> list[tuple[Parameter, float]]:
+def _away(fit: LeastSquaresFit) -> list[tuple[Parameter, float]]:
     """Corrections with how many standard errors of their prior they are."""
     return [
         (p, (fit.values[p.name] - p.prior.mean) / p.prior.error)

@@ -22,14 +22,14 @@ import numpy.typing as npt
 
 from measurement.series.column import DENSITY_ERROR
 from measurement.units import WATER_DENSITY
-from softmodels.fitting.least_squares import fit
+from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.options import BENCH
 from softmodels.fitting.outlines.data import OutlineFitError, Shape
-from softmodels.fitting.outlines.forward import Inflation
+from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.shadow import shadow_of
 from softmodels.fitting.outlines.start import starts
 from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, Parameter, Prior
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.mechanics.system import State
 from softmodels.results.quadratic_curve import QuadraticCurve
 
@@ -68,10 +68,10 @@ class Bench:
 
 
 class OutlineResiduals:
-    """Residuals of a device against outlines; see `softmodels.fitting.least_squares.Residuals`.
+    """Residuals of a device against outlines; see `softmodels.fitting.problem.Residuals`.
 
     Args:
-        inflation: The device and its law.
+        model: The device and its law.
         shapes: Measured outlines, prepared.
         label: What it is.
 
@@ -79,15 +79,15 @@ class OutlineResiduals:
         fixed: Parameters whose derivatives nobody needs: their columns stay zero.
     """
 
-    def __init__(self, inflation: Inflation, shapes: Sequence[Shape], label: str = "outlines"):
-        self.inflation, self.shapes, self.label = inflation, tuple(shapes), label
+    def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines"):
+        self.model, self.shapes, self.label = model, tuple(shapes), label
         self.volumes = tuple(f"volume{i + 1}" for i in range(len(shapes)))
-        self.parameters = (*inflation.names, *BENCH, *self.volumes)
+        self.parameters = (*model.names, *BENCH, *self.volumes)
         self.most = max(shape.pressure for shape in shapes)
         labels = [shape.source for shape in shapes for _ in shape.weight]
         self.groups = np.array([*labels, *[READINGS] * len(shapes)])
         self.fixed: frozenset[str] = frozenset()
-        self._known: tuple[tuple[float, ...], list[Fitting]] | None = None
+        self._known: tuple[tuple[float, ...], list[MatchedPhotograph]] | None = None
 
     @property
     def count(self) -> int:
@@ -102,34 +102,34 @@ class OutlineResiduals:
 
     def largest_state(self, values: Mapping[str, float]) -> State:
         """The state of the largest volume at parameter values."""
-        return max((fitting.state for fitting in self.fittings(values)), key=lambda state: state.V)
+        return max((fitting.state for fitting in self.matches(values)), key=lambda state: state.V)
 
     def evaluate(
         self, values: Mapping[str, float], derivatives: bool
     ) -> tuple[Array, Array | None, npt.NDArray[np.str_]]:
-        """See `softmodels.fitting.least_squares.Residuals`.
+        """See `softmodels.fitting.problem.Residuals`.
 
         Raises:
             CannotEvaluate: There is no state at one of the volumes.
         """
-        fittings = self.fittings(values)
-        residuals = np.concatenate([*(f.residuals for f in fittings), [f.reading for f in fittings]])
+        matches = self.matches(values)
+        residuals = np.concatenate([*(f.residuals for f in matches), [f.reading for f in matches]])
         if not np.isfinite(residuals).all():
             raise CannotEvaluate("a residual is not finite")
-        return residuals, self._jacobian(values, fittings) if derivatives else None, self.groups
+        return residuals, self._jacobian(values, matches) if derivatives else None, self.groups
 
-    def fittings(self, values: Mapping[str, float]) -> list[Fitting]:
+    def matches(self, values: Mapping[str, float]) -> list[MatchedPhotograph]:
         """Each photograph with its state at parameter values."""
         key = tuple(float(values[name]) for name in self.parameters)
         if self._known is None or self._known[0] != key:
-            states = self.inflation.states(values, [values[name] for name in self.volumes])
-            lengths = self.inflation.take(values)
+            states = self.model.states(values, [values[name] for name in self.volumes])
+            lengths = self.model.set_parameters(values)
             made = [
-                Fitting(
+                MatchedPhotograph(
                     shape,
                     state,
-                    self.inflation.curve(state, lengths),
-                    self.inflation.pressure(state),
+                    self.model.curve(state, lengths),
+                    self.model.pressure(state),
                     values,
                     self.most,
                 )
@@ -138,15 +138,15 @@ class OutlineResiduals:
             self._known = key, made
         return self._known[1]
 
-    def _jacobian(self, values: Mapping[str, float], fittings: Sequence[Fitting]) -> Array:
+    def _jacobian(self, values: Mapping[str, float], matches: Sequence[MatchedPhotograph]) -> Array:
         J = np.zeros((self.count, len(self.parameters)))
         column = {name: i for i, name in enumerate(self.parameters)}
-        self.inflation.take(values)
-        first, reading = 0, self.count - len(fittings)
-        for fitting, volume in zip(fittings, self.volumes, strict=True):
+        self.model.set_parameters(values)
+        first, reading = 0, self.count - len(matches)
+        for fitting, volume in zip(matches, self.volumes, strict=True):
             rows = slice(first, first + len(fitting.shape.weight))
-            names = [name for name in self.inflation.names if name not in self.fixed]
-            slopes = self.inflation.slopes(fitting.state, names)
+            names = [name for name in self.model.names if name not in self.fixed]
+            slopes = self.model.slopes(fitting.state, names)
             for name in names:
                 J[rows, column[name]] = fitting.moved(slopes.nodes[name])
                 J[reading, column[name]] = slopes.pressure[name] / fitting.shape.pressure_error
@@ -159,7 +159,7 @@ class OutlineResiduals:
         return J
 
 
-class Fitting:
+class MatchedPhotograph:
     """One photograph held against one state.
 
     Attributes:
@@ -218,15 +218,15 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
     Raises:
         OutlineFitError: A name that is none of them.
     """
-    inflation, shapes = source.inflation, source.shapes
-    known = (*BENCH, "poisson", *inflation.lengths)
+    model, shapes = source.model, source.shapes
+    known = (*BENCH, "poisson", *model.lengths)
     for name in bench.free:
         if name not in known:
             raise OutlineFitError(
                 f"nothing of the bench or the device is called {name!r}; known are {', '.join(known)}"
             )
     reading = min(shape.pressure_error for shape in shapes)
-    width = inflation.silhouette.width
+    width = model.silhouette.width
     centre = float(np.median([shape.centre for shape in shapes]))
     tops = source.most
     made = {
@@ -236,10 +236,10 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
         "scale": Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, SCALE_ERROR)),
         "zero": Parameter("zero", "m", 0.0, -width, width, Prior(0.0, ZERO_ERROR)),
         "centre": Parameter("centre", "m", centre, centre - width, centre + width),
-        "poisson": Parameter("poisson", "", inflation.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
+        "poisson": Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
         **{
             name: Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
-            for name, value in inflation.lengths.items()
+            for name, value in model.lengths.items()
         },
     }
     return [p if p.name in bench.free else dataclasses.replace(p, fixed=True) for p in made.values()]
@@ -268,7 +268,7 @@ def fits_badly(chi2: float, count: int) -> bool:
     return chi2 > k * (1 - 2 / (9 * k) + 3.1 * math.sqrt(2 / (9 * k))) ** 3
 
 
-def fit_outlines(
+def fit_law_to_outlines(
     source: OutlineResiduals,
     bench: Bench = Bench(),
     *,
@@ -276,7 +276,7 @@ def fit_outlines(
     changes: Changes = MappingProxyType({}),
     loss: str = "linear",
     doubted: Collection[str] = (),
-) -> Fit:
+) -> LeastSquaresFit:
     """Fit a law to outlines from starts in closed form.
 
     Args:
@@ -284,14 +284,14 @@ def fit_outlines(
         bench: What is free beside the law.
         extra: Further sources that depend on the law's parameters, such as tensile curves.
         changes: Fields of parameters to replace.
-        loss: See `softmodels.fitting.least_squares.fit`.
+        loss: See `softmodels.fitting.least_squares.fit_parameters`.
         doubted: Names of photographs whose pressures do not count where the fit starts.
 
     Raises:
-        FitError: See `softmodels.fitting.least_squares.fit`; or a change names no parameter.
+        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
         OutlineFitError: The device cannot be the one in the photographs.
     """
-    choice = source.inflation.choice
+    choice = source.model.choice
     known = nuisances(source, bench)
     names = {*choice.names, *(p.name for p in (*known, *extra.parameters))}
     for name in changes:
@@ -301,7 +301,7 @@ def fit_outlines(
         (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
         for shape in source.shapes
     ]
-    begins, volumes = starts(source.inflation, *np.array(measured).T)
+    begins, volumes = starts(source.model, *np.array(measured).T)
     troubles = []
     for begin in begins:
         parameters = [
@@ -309,7 +309,7 @@ def fit_outlines(
         ] + volume_parameters(source, volumes)
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
-            return fit([source, *extra.sources], parameters, loss=loss, label=choice.name)
+            return fit_parameters([source, *extra.sources], parameters, loss=loss, label=choice.name)
         except FitError as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")

@@ -15,18 +15,18 @@ from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.contradiction import contradictions
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import StressError, residuals_of
-from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.fit_report import FitReport
+from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.law_parameters import LawChoice, Laws, all_parameters, law_choices
 from softmodels.fitting.options import DEFAULTS, FitOptions
 from softmodels.fitting.outlines.data import kept, prepare, read_outlines
-from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import Bench, OutlineResiduals
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, read_heights
+from softmodels.fitting.outlines.measured_device import MeasuredDevice
 from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.trials import Trial, try_heights, try_outlines
 from softmodels.fitting.profile import profile
-from softmodels.fitting.report import Report
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.stability import judge
 from softmodels.mechanics.mpi import start
 
@@ -49,7 +49,7 @@ def fit(
     *,
     curves: Sequence[TensileCurve] = (),
     comm: MPI.Comm | None = None,
-) -> Report:
+) -> FitReport:
     """Fit laws to outlines of a device at all pressures, perhaps together with tensile curves.
 
     Args:
@@ -86,7 +86,7 @@ def fit_heights(
     options: FitOptions = DEFAULTS,
     *,
     comm: MPI.Comm | None = None,
-) -> Report:
+) -> FitReport:
     """Fit laws to the largest deflections of a device, as the thesis did; see `fit`, whose arguments it takes.
 
     Args:
@@ -129,7 +129,7 @@ class _Task:
         foreign = all_parameters().keys() - set(choice.names)
         return {name: change for name, change in self.options.changes.items() if name not in foreign}
 
-    def with_outlines(self, outlines: Sequence[Outline], comm: MPI.Comm) -> Report:
+    def with_outlines(self, outlines: Sequence[Outline], comm: MPI.Comm) -> FitReport:
         notes, rows = self.notes(), tuple[Row, ...]()
         error, bench = StressError.from_text(self.options.stress_error), Bench(self.options.free)
         trials: dict[str, Trial[OutlineResiduals]] = {}
@@ -147,10 +147,10 @@ class _Task:
         how = f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free}"
         report = self._report(trials, notes, how)
         # Solved again where a profile was the last to be asked for, by all ranks together.
-        states = {law.choice.name: trials[law.choice.name].source.fittings(law.fit.values) for law in report.laws}
+        states = {law.choice.name: trials[law.choice.name].source.matches(law.fit.values) for law in report.laws}
         return dataclasses.replace(report, photographs=states)
 
-    def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> Report:
+    def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> FitReport:
         trials: dict[str, Trial[HeightResiduals]] = {}
         for choice in self.choices:
             model = self.device.model(choice, comm)
@@ -164,31 +164,33 @@ class _Task:
 
     def _report[Source: (OutlineResiduals, HeightResiduals)](
         self, trials: Mapping[str, Trial[Source]], notes: Sequence[str], how: str
-    ) -> Report:
+    ) -> FitReport:
         comparison = compare([trial.fit for trial in trials.values()])
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
         first = next(iter(trials.values())).source
         device = f"{self.device.name}: {type(self.device.actuator).__name__}, {first.in_words}"
-        return Report(tuple(laws), comparison, self.curves, how, device=device, notes=tuple(notes))
+        return FitReport(tuple(laws), comparison, self.curves, how, device=device, notes=tuple(notes))
 
-    def _law[Source: (OutlineResiduals, HeightResiduals)](self, trial: Trial[Source], fit: Fit) -> Fitted:
-        model = trial.source.inflation
+    def _law[Source: (OutlineResiduals, HeightResiduals)](
+        self, trial: Trial[Source], fit: LeastSquaresFit
+    ) -> FittedLaw:
+        model = trial.source.model
         choice: LawChoice = model.choice
         strain = _largest_strain(trial.source, fit)
         material = model.material(fit.values)
         judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
-        law = Fitted(choice, fit, material, judge(material, strain), {}, judgement)
+        law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement)
         if not (law.sound and self.options.profiles):
             return law
         wanted = [p.name for p in fit.free if p.name in (*choice.names, "poisson")]
         return dataclasses.replace(law, profiles={name: profile(fit, name, PROFILE_POINTS) for name in wanted})
 
 
-def _largest_strain(source: OutlineResiduals | HeightResiduals, fit: Fit) -> float:
+def _largest_strain(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
     """Largest I1 - 3 of the device in the state of the largest deflection."""
     from softmodels.results.fields import Fields
 
     state = source.largest_state(fit.values)
-    source.inflation.take(fit.values)
-    stretch = Fields(source.inflation.equilibrium).figures(state).max_stretch
+    source.model.set_parameters(fit.values)
+    stretch = Fields(source.model.equilibrium).figures(state).max_stretch
     return 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean

@@ -21,13 +21,13 @@ import numpy.typing as npt
 
 from measurement.reasons import reason
 from measurement.units import UnitError, number
-from softmodels.fitting.least_squares import fit
+from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.outlines.data import FLOOR, TALLEST, OutlineFitError, kept
+from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.fit import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR
-from softmodels.fitting.outlines.forward import Inflation
 from softmodels.fitting.outlines.start import starts
 from softmodels.fitting.problem import CannotEvaluate, Changes, FitError, Parameter
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.mechanics.system import State
 
 Array = npt.NDArray[np.float64]
@@ -121,18 +121,18 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
 
 
 class HeightResiduals:
-    """Residuals of heights in mm; see `softmodels.fitting.least_squares.Residuals`.
+    """Residuals of heights in mm; see `softmodels.fitting.problem.Residuals`.
 
     Args:
-        inflation: The device and its law.
+        model: The device and its law.
         heights: Measured heights, checked.
     """
 
     unit, errors = "mm", 1.0
 
-    def __init__(self, inflation: Inflation, heights: Sequence[Height], label: str = "heights"):
-        self.inflation, self.heights, self.label = inflation, tuple(heights), label
-        self.parameters = inflation.names
+    def __init__(self, model: DeviceModel, heights: Sequence[Height], label: str = "heights"):
+        self.model, self.heights, self.label = model, tuple(heights), label
+        self.parameters = model.names
         self.fixed: frozenset[str] = frozenset()
         self.pressures = np.array([one.pressure for one in heights])
         self.measured = np.array([one.height for one in heights])
@@ -146,17 +146,17 @@ class HeightResiduals:
 
     def largest_state(self, values: Mapping[str, float]) -> State:
         """The state of the largest pressure at parameter values."""
-        return self.inflation.states(values, self.pressures, "pressure")[-1]
+        return self.model.states(values, self.pressures, "pressure")[-1]
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
-        """See `softmodels.fitting.least_squares.Residuals`.
+        """See `softmodels.fitting.problem.Residuals`.
 
         Raises:
             CannotEvaluate: One of the pressures has no state on the first branch.
         """
-        states = self.inflation.states(values, self.pressures, "pressure")
-        lengths = self.inflation.take(values)
-        tops = np.array([self.inflation.curve(state, lengths).nodes[0, 0, 1] for state in states])
+        states = self.model.states(values, self.pressures, "pressure")
+        lengths = self.model.set_parameters(values)
+        tops = np.array([self.model.curve(state, lengths).nodes[0, 0, 1] for state in states])
         residuals = 1e3 * (tops - self.measured)
         labels = [self.label] * len(residuals)
         if not derivatives:
@@ -164,17 +164,17 @@ class HeightResiduals:
         J = np.zeros((len(states), len(self.parameters)))
         names = [name for name in self.parameters if name not in self.fixed]
         for row, state in enumerate(states):
-            slopes = self.inflation.slopes(state, names, "pressure")
+            slopes = self.model.slopes(state, names, "pressure")
             for name in names:
                 J[row, self.parameters.index(name)] = 1e3 * slopes.nodes[name][0, 0, 1]
         return residuals, J, labels
 
     def shared(self, values: Mapping[str, float]) -> Array:
         """Change of the residuals by one standard error of each thing that the bench gets wrong alike in all, shape (n, 5)."""
-        states = self.inflation.states(values, self.pressures, "pressure")
-        self.inflation.take(values)
+        states = self.model.states(values, self.pressures, "pressure")
+        self.model.set_parameters(values)
         rise = 1e3 * np.array(
-            [self.inflation.slopes(state, (), "pressure").along_nodes[0, 0, 1] for state in states]
+            [self.model.slopes(state, (), "pressure").along_nodes[0, 0, 1] for state in states]
         )  # mm per Pa
         offset = min(one.pressure_error for one in self.heights)
         columns = (
@@ -187,25 +187,27 @@ class HeightResiduals:
         return np.column_stack(columns)
 
 
-def fit_heights(source: HeightResiduals, *, changes: Changes = MappingProxyType({}), loss: str = "linear") -> Fit:
+def fit_heights(
+    source: HeightResiduals, *, changes: Changes = MappingProxyType({}), loss: str = "linear"
+) -> LeastSquaresFit:
     """Fit a law to heights; the size of their errors follows from their scatter, and the bench's own errors are considered.
 
     Raises:
-        FitError: See `softmodels.fitting.least_squares.fit`.
+        FitError: See `softmodels.fitting.least_squares.fit_parameters`.
         OutlineFitError: The device does not rise so high.
     """
-    inflation = source.inflation
-    choice = inflation.choice
-    begins, _ = starts(inflation, source.measured, source.pressures, np.ones(len(source.measured)))
+    model = source.model
+    choice = model.choice
+    begins, _ = starts(model, source.measured, source.pressures, np.ones(len(source.measured)))
     known = [Parameter("poisson", "", choice.poisson, fixed=True)]
-    known += [Parameter(name, "m", value, fixed=True) for name, value in inflation.lengths.items()]
+    known += [Parameter(name, "m", value, fixed=True) for name, value in model.lengths.items()]
     troubles = []
     for begin, factor in ((begin, factor) for begin in begins for factor in STIFFER):
         stiffer = {name: value * (factor if choice.unit(name) == "Pa" else 1.0) for name, value in begin.items()}
         parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
-            found = fit([source], parameters, loss=loss, errors="unknown", label=choice.name)
+            found = fit_parameters([source], parameters, loss=loss, errors="unknown", label=choice.name)
             return dataclasses.replace(found, shared=source.shared(found.values))
         except (FitError, CannotEvaluate) as error:
             troubles.append(str(error))

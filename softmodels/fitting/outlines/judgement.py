@@ -11,7 +11,7 @@ from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fits_bad
 from softmodels.fitting.outlines.heights import HeightResiduals
 from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.wrong_rows import by_course, by_fit, reading
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.fitting.soundness import Judgement
 
 MODEL_SHAPE = 0.03
@@ -23,7 +23,7 @@ ERRORS = 5.0
 
 
 def judge_outlines(
-    source: OutlineResiduals, fit: Fit, rows: Sequence[Row], good: Callable[[Sequence[str]], bool]
+    source: OutlineResiduals, fit: LeastSquaresFit, rows: Sequence[Row], good: Callable[[Sequence[str]], bool]
 ) -> Judgement:
     """Hold a fit to outlines against chance, and against what a device and a bench can be.
 
@@ -47,7 +47,7 @@ def judge_outlines(
     return Judgement(objections, warnings, () if objections else tuple(corrections(fit)))
 
 
-def judge_heights(source: HeightResiduals, fit: Fit) -> Judgement:
+def judge_heights(source: HeightResiduals, fit: LeastSquaresFit) -> Judgement:
     """Hold a fit to heights against what a law and a mesh may leave."""
     left = np.abs(fit.residuals[: fit.count]) / 1e3
     i = int(np.argmax(left / source.measured))
@@ -63,39 +63,39 @@ def judge_heights(source: HeightResiduals, fit: Fit) -> Judgement:
     return Judgement()
 
 
-def within_chance(source: OutlineResiduals, fit: Fit) -> bool:
+def within_chance(source: OutlineResiduals, fit: LeastSquaresFit) -> bool:
     """Whether a fit follows every photograph and the readings within their errors, with a bench that can be."""
     return not any(fits_badly(*pair) for pair in misfits(source, fit.residuals).values()) and not unbelievable(fit)
 
 
-def _photographs(source: OutlineResiduals, fit: Fit) -> list[str]:
+def _photographs(source: OutlineResiduals, fit: LeastSquaresFit) -> list[str]:
     """Name of the photograph of each measured residual; that of a reading is its photograph's."""
     names = [*source.groups.tolist()[: source.count - len(source.shapes)], *(shape.source for shape in source.shapes)]
     return [*names, *[""] * (fit.count - len(names))]
 
 
-def _beyond(source: OutlineResiduals, fit: Fit) -> list[str]:
+def _beyond(source: OutlineResiduals, fit: LeastSquaresFit) -> list[str]:
     """What is beyond any law's and any mesh's error."""
-    fittings = source.fittings(fit.values)
-    away = [float(np.sqrt(np.mean(one.distances**2))) for one in fittings]
-    limits = [MODEL_SHAPE * one.shape.height + ERRORS * float(np.median(one.shape.error)) for one in fittings]
-    shapes = [i for i in range(len(fittings)) if away[i] > limits[i]]
+    matches = source.matches(fit.values)
+    away = [float(np.sqrt(np.mean(one.distances**2))) for one in matches]
+    limits = [MODEL_SHAPE * one.shape.height + ERRORS * float(np.median(one.shape.error)) for one in matches]
+    shapes = [i for i in range(len(matches)) if away[i] > limits[i]]
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])
         return [
-            f"{len(shapes)} of {len(fittings)} outlines do not have the shape that the case's device takes: "
-            f"{fittings[i].shape.source} lies {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a height of "
-            f"{fittings[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case wrong?"
+            f"{len(shapes)} of {len(matches)} outlines do not have the shape that the case's device takes: "
+            f"{matches[i].shape.source} lies {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a height of "
+            f"{matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case wrong?"
         ]
-    off = [one.pressure - one.true_pressure for one in fittings]
+    off = [one.pressure - one.true_pressure for one in matches]
     share = [
         abs(by) / (MODEL_PRESSURE * abs(one.shape.pressure) + ERRORS * one.shape.pressure_error)
-        for by, one in zip(off, fittings, strict=True)
+        for by, one in zip(off, matches, strict=True)
     ]
     i = int(np.argmax(share))
     if share[i] <= 1.0:
         return []
-    shape = fittings[i].shape
+    shape = matches[i].shape
     return [
         f"the pressures do not go with the outlines: {shape.source} would take {reading(shape.pressure + off[i])}, its row "
         f"says {reading(shape.pressure)}, and no single row explains it; check the list of photographs, or try another law"

@@ -56,7 +56,7 @@ class Row:
 
 
 @dataclasses.dataclass(frozen=True)
-class Contradiction:
+class WrongReading:
     """A row that the others contradict: its name, reading in Pa, and the pressure in Pa that they lead to."""
 
     source: str
@@ -68,7 +68,7 @@ class Contradiction:
         return self.pressure / self.expected
 
 
-def contradictions(rows: Sequence[Row]) -> list[Contradiction]:
+def wrong_readings(rows: Sequence[Row]) -> list[WrongReading]:
     """The rows that the smooth course of the others contradicts; none if fewer than three rows make a course."""
     if len(rows) < min(TERMS):
         return []
@@ -82,7 +82,7 @@ def contradictions(rows: Sequence[Row]) -> list[Contradiction]:
         row, expected = rows[i], expected_pressure(rows, inside, rows[i].height) * rows[i].unit
         factor = row.pressure / expected
         if ends[0] <= row.height <= ends[1] or not 1 / GROSS < factor < GROSS:
-            found.append(Contradiction(row.source, row.pressure, expected))
+            found.append(WrongReading(row.source, row.pressure, expected))
     return found
 
 
@@ -92,7 +92,7 @@ def expected_without(rows: Sequence[Row], names: Sequence[str], row: Row) -> flo
     return expected_pressure(rows, inside, row.height) * row.unit
 
 
-def exchanged(rows: Sequence[Row]) -> tuple[Contradiction, Contradiction] | None:
+def exchanged(rows: Sequence[Row]) -> tuple[WrongReading, WrongReading] | None:
     """Two rows whose pressures, exchanged, leave none that contradicts the others; None if there are no such, or several."""
     found = []
     for a, b in itertools.combinations(range(len(rows)), 2):
@@ -107,7 +107,7 @@ def exchanged(rows: Sequence[Row]) -> tuple[Contradiction, Contradiction] | None
         return None
     pair = [rows[k] for k in found[0][1:]]
     names = [row.source for row in pair]
-    one, two = (Contradiction(row.source, row.pressure, expected_without(rows, names, row)) for row in pair)
+    one, two = (WrongReading(row.source, row.pressure, expected_without(rows, names, row)) for row in pair)
     meet = abs(one.pressure / two.expected - 1.0) < MEETS and abs(two.pressure / one.expected - 1.0) < MEETS
     return (one, two) if meet else None
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.outline.outline import Outline
-from softmodels.fitting.outlines.forward import Inflation
+from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.results.quadratic_curve import QuadraticCurve
 
 Array = npt.NDArray[np.float64]
@@ -36,7 +36,7 @@ class Camera:
 
 
 def simulated_outlines(
-    inflation: Inflation,
+    model: DeviceModel,
     values: Mapping[str, float],
     requested: Sequence[float],
     camera: Camera,
@@ -46,7 +46,7 @@ def simulated_outlines(
     """Outlines of a device at true pressures in Pa, or at added volumes in m3.
 
     Args:
-        inflation: The device and its law.
+        model: The device and its law.
         values: The law's numbers.
         requested: Rising.
         camera: How it is measured.
@@ -56,14 +56,14 @@ def simulated_outlines(
     Raises:
         CannotEvaluate: The device has no such state.
     """
-    states = inflation.states(values, requested, quantity)
-    lengths = inflation.take(values)
-    pressures = np.array([inflation.pressure(state) for state in states])
+    states = model.states(values, requested, quantity)
+    lengths = model.set_parameters(values)
+    pressures = np.array([model.pressure(state) for state in states])
     readings = readings_of(pressures, camera.bench)
     scale, zero, centre = (camera.bench.get(name, 0.0) for name in ("scale", "zero", "centre"))
     outlines = []
     for number, (state, reading) in enumerate(zip(states, readings, strict=True), 1):
-        places, normals = half_outline(inflation.curve(state, lengths), camera.spacing)
+        places, normals = half_outline(model.curve(state, lengths), camera.spacing)
         places, normals = (np.vstack([half[:0:-1] * [-1.0, 1.0], half]) for half in (places, normals))
         if rng is not None:
             noise = camera.error * correlated(len(places), camera.run, rng)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fitting.outlines.data import OutlineFitError
-from softmodels.fitting.outlines.forward import Inflation
+from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.problem import CannotEvaluate
 from softmodels.mechanics.solver import NoConvergence
 from softmodels.path.continuation import LARGEST_GROWTH, Continuation, trace
@@ -27,12 +27,12 @@ MODULUS = 30e3
 
 
 def starts(
-    inflation: Inflation, heights: Array, pressures: Array, errors: Array, modulus: float = MODULUS
+    model: DeviceModel, heights: Array, pressures: Array, errors: Array, modulus: float = MODULUS
 ) -> tuple[list[dict[str, float]], Array]:
     """Starting values of the law, best first, and the added volumes in m3.
 
     Args:
-        inflation: The device and its law.
+        model: The device and its law.
         heights: Heights of the top in m.
         pressures: Readings in Pa.
         errors: Their standard errors in Pa, or anything in proportion.
@@ -41,21 +41,18 @@ def starts(
     Raises:
         OutlineFitError: The device cannot rise as high as was measured.
     """
-    plain = inflation.choice.from_modulus(modulus)
-    volumes = volumes_of(inflation, plain, heights)
-    states = inflation.states(plain, volumes)
-    inflation.take(plain)
+    plain = model.choice.from_modulus(modulus)
+    volumes = volumes_of(model, plain, heights)
+    states = model.states(plain, volumes)
+    model.set_parameters(plain)
     target = pressures / errors
-    simulated = np.array([inflation.pressure(state) for state in states]) / errors
+    simulated = np.array([model.pressure(state) for state in states]) / errors
     factor = max(float(simulated @ target / (simulated @ simulated)), 1e-6)
-    scaled = {name: value * factor if inflation.choice.unit(name) == "Pa" else value for name, value in plain.items()}
-    if not inflation.choice.law.linear or len(heights) < len(plain):
+    scaled = {name: value * factor if model.choice.unit(name) == "Pa" else value for name, value in plain.items()}
+    if not model.choice.law.linear or len(heights) < len(plain):
         return [scaled], volumes
-    names = inflation.choice.names
-    A = (
-        np.array([[inflation.slopes(state, names).pressure[name] for name in names] for state in states])
-        / errors[:, None]
-    )
+    names = model.choice.names
+    A = np.array([[model.slopes(state, names).pressure[name] for name in names] for state in states]) / errors[:, None]
     size = np.linalg.norm(A, axis=0)
     found, *_ = np.linalg.lstsq(A / size, target, rcond=1e-6)
     linear = dict(zip(names, (found / size).tolist(), strict=True))
@@ -65,7 +62,7 @@ def starts(
     return [linear, scaled], volumes
 
 
-def volumes_of(inflation: Inflation, values: dict[str, float], heights: Array) -> Array:
+def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> Array:
     """Added volumes in m3 at which the device, with these values, is as high as measured (m).
 
     Raises:
@@ -73,17 +70,17 @@ def volumes_of(inflation: Inflation, values: dict[str, float], heights: Array) -
     """
     from scipy.interpolate import PchipInterpolator
 
-    eq = inflation.equilibrium
-    lengths = inflation.take(values)
-    rest = inflation.rest_volume
+    eq = model.equilibrium
+    lengths = model.set_parameters(values)
+    rest = model.rest_volume
     goals = rest * np.concatenate([np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * LARGEST_GROWTH, 30)])
     rises, volumes = [0.0], [0.0]
     highest = float(heights.max())
-    inflation.paths += 1
+    model.paths += 1
     why = ""
     try:
         for point in trace(Continuation(eq, AddedVolume()), goals.tolist()):
-            rise = float(inflation.curve(point.state, lengths).nodes[0, 0, 1])
+            rise = float(model.curve(point.state, lengths).nodes[0, 0, 1])
             if rise > rises[-1]:
                 rises.append(rise)
                 volumes.append((point.state.V - rest) * eq.volume_unit)

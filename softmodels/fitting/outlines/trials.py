@@ -10,14 +10,14 @@ import numpy as np
 
 from softmodels.fitting.outlines.check import series_of, series_of_shapes
 from softmodels.fitting.outlines.data import Shape
-from softmodels.fitting.outlines.fit import Bench, OutlineResiduals, fit_outlines, nuisances
-from softmodels.fitting.outlines.forward import Inflation
+from softmodels.fitting.outlines.device_model import DeviceModel
+from softmodels.fitting.outlines.fit import Bench, OutlineResiduals, fit_law_to_outlines, nuisances
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_heights
 from softmodels.fitting.outlines.judgement import judge_heights, judge_outlines, within_chance
 from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.wrong_rows import by_course
 from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, UnsoundError
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 from softmodels.fitting.soundness import Judgement
 
 
@@ -33,13 +33,13 @@ class Trial[Source: (OutlineResiduals, HeightResiduals)]:
     """
 
     source: Source
-    fit: Fit
+    fit: LeastSquaresFit
     judgement: Judgement
     rows: tuple[Row, ...] = ()
 
 
 def try_outlines(
-    device: Inflation,
+    device: DeviceModel,
     shapes: Sequence[Shape],
     bench: Bench,
     extra: Extra = NOTHING_ELSE,
@@ -54,8 +54,8 @@ def try_outlines(
         shapes: The outlines, prepared.
         bench: What is free beside the law.
         extra: Further sources, such as tensile curves, and their parameters.
-        changes: See `fit_outlines`.
-        loss: See `fit_outlines`.
+        changes: See `fit_law_to_outlines`.
+        loss: See `fit_law_to_outlines`.
         rows: The series, if another law's trial has it already: all laws are then fitted to the same photographs.
 
     Raises:
@@ -67,9 +67,9 @@ def try_outlines(
     wrong = by_course(rows)
     doubted = wrong.names if wrong else ()
 
-    def fitted(chosen: Sequence[Shape], doubted: Sequence[str] = ()) -> tuple[OutlineResiduals, Fit]:
+    def fitted(chosen: Sequence[Shape], doubted: Sequence[str] = ()) -> tuple[OutlineResiduals, LeastSquaresFit]:
         source = OutlineResiduals(device, chosen)
-        found = fit_outlines(source, bench, extra=extra, changes=changes, loss=loss, doubted=doubted)
+        found = fit_law_to_outlines(source, bench, extra=extra, changes=changes, loss=loss, doubted=doubted)
         return source, found
 
     def good(without: Sequence[str]) -> bool:
@@ -93,7 +93,7 @@ def try_outlines(
 
 
 def try_heights(
-    device: Inflation,
+    device: DeviceModel,
     heights: Sequence[Height],
     changes: Changes = MappingProxyType({}),
     loss: str = "linear",

@@ -18,13 +18,13 @@ import numpy.typing as npt
 from measurement.units import pascal_per_cm
 from softmodels.fitting.outlines.pressure_course import (
     GROSS,
-    Contradiction,
     Row,
-    contradictions,
+    WrongReading,
     exchanged,
     expected_without,
+    wrong_readings,
 )
-from softmodels.fitting.result import Fit
+from softmodels.fitting.result import LeastSquaresFit
 
 Array = npt.NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class WrongRows:
 
 def by_course(rows: Sequence[Row]) -> WrongRows | None:
     """The rows that the course of the others contradicts; None if there are none."""
-    found = contradictions(rows)
+    found = wrong_readings(rows)
     if not found:
         return None
     pair = exchanged(rows)
@@ -81,12 +81,12 @@ def by_course(rows: Sequence[Row]) -> WrongRows | None:
     return WrongRows(tuple(one.source for one in found), "; ".join(map(_sentence, found)), any(map(_gross, found)))
 
 
-def _gross(one: Contradiction) -> bool:
+def _gross(one: WrongReading) -> bool:
     return not 1 / GROSS < one.factor < GROSS
 
 
 def by_fit(
-    fit: Fit, names: Sequence[str], rows: Sequence[Row], good: Callable[[Sequence[str]], bool]
+    fit: LeastSquaresFit, names: Sequence[str], rows: Sequence[Row], good: Callable[[Sequence[str]], bool]
 ) -> WrongRows | None:
     """The photographs without which the fit is as good as its errors, by leaving them out in turn.
 
@@ -115,7 +115,9 @@ def by_fit(
     return None
 
 
-def left_out(fit: Fit, names: Sequence[str], photographs: Sequence[str]) -> list[tuple[float, tuple[str, ...]]]:
+def left_out(
+    fit: LeastSquaresFit, names: Sequence[str], photographs: Sequence[str]
+) -> list[tuple[float, tuple[str, ...]]]:
     """Deviance of the others without one or two photographs, by the fit's derivatives; the lowest first, one before two."""
     labels, found = np.array([*names, *[""] * (len(fit.residuals) - fit.count)]), []
     size = np.linalg.norm(fit.jacobian, axis=0)
@@ -133,7 +135,7 @@ def left_out(fit: Fit, names: Sequence[str], photographs: Sequence[str]) -> list
 def _fine(name: str, rows: Sequence[Row]) -> str:
     """What is wrong with a photograph that a fit names; empty if a law that fails may be as much the reason."""
     i = next(k for k, row in enumerate(rows) if row.source == name)
-    one = Contradiction(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
+    one = WrongReading(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
     order = sorted(range(len(rows)), key=lambda k: rows[k].height)
     end = i in (order[0], order[-1])
     if end and 1 / GROSS < one.factor < GROSS:
@@ -146,7 +148,7 @@ def _fine(name: str, rows: Sequence[Row]) -> str:
     )
 
 
-def _sentence(one: Contradiction) -> str:
+def _sentence(one: WrongReading) -> str:
     known = next((words for factor, words in FACTORS if abs(one.factor / factor - 1.0) < NEAR), "")
     if one.factor < 0.0:
         known = "its sign is wrong" if abs(one.factor + 1.0) < NEAR else "it is below zero"
@@ -157,7 +159,7 @@ def _sentence(one: Contradiction) -> str:
     )
 
 
-def _exchange(one: Contradiction, two: Contradiction) -> str:
+def _exchange(one: WrongReading, two: WrongReading) -> str:
     return (
         f"{one.source} and {two.source} look exchanged: the others lead to {reading(one.expected)} for the first and "
         f"{reading(two.expected)} for the second, and their rows say {reading(one.pressure)} and {reading(two.pressure)}"

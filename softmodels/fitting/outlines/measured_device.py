@@ -12,7 +12,7 @@ from geometries import Actuator, GeometryError, MeshingError
 from geometries.fields import about
 from softmodels.case.case import Case
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.forward import Inflation
+from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.problem import FitError
 from softmodels.materials.material import Material
 from softmodels.mechanics.contact import Obstacle
@@ -53,7 +53,7 @@ class MeasuredDevice:
             return cls(as_section(case.actuator), case.name, case.material, case.formulation, case.sheet, case.obstacle)
         return cls(as_section(device), device.name)
 
-    def model(self, choice: LawChoice, comm: MPI.Comm) -> Inflation:
+    def model(self, choice: LawChoice, comm: MPI.Comm) -> DeviceModel:
         """The device under a law, meshed and compiled.
 
         Raises:
@@ -70,7 +70,7 @@ class MeasuredDevice:
             with compiling():
                 body = Body.from_file(self.actuator, mesh, comm)
                 material = choice.material(choice.from_modulus(30e3))
-                return Inflation(Equilibrium(body, material, self.formulation, self.sheet, self.obstacle), choice)
+                return DeviceModel(Equilibrium(body, material, self.formulation, self.sheet, self.obstacle), choice)
         except (BodyError, CompilingError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:

@@ -60,7 +60,7 @@ class Slopes:
     along_nodes: Array
 
 
-class Inflation:
+class DeviceModel:
     """Paths of one device under one law.
 
     Args:
@@ -88,7 +88,7 @@ class Inflation:
         poisson = values.get("poisson", self.choice.poisson)
         return dataclasses.replace(self.choice, poisson=poisson).material(values)
 
-    def take(self, values: Mapping[str, float]) -> dict[str, float]:
+    def set_parameters(self, values: Mapping[str, float]) -> dict[str, float]:
         """Make these the equilibrium's material and lengths; returns the lengths.
 
         Raises:
@@ -113,7 +113,7 @@ class Inflation:
             CannotEvaluate: One of them is not on the path.
         """
         eq = self.equilibrium
-        self.take(values)
+        self.set_parameters(values)
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         wanted = np.asarray(requested, dtype=float) / unit
         if not np.isfinite(wanted).all() or wanted.min() <= 0.0:
@@ -181,7 +181,7 @@ class Inflation:
         return state.P * self.equilibrium.stress_unit
 
     def slopes(self, state: State, names: Sequence[str], quantity: str = "volume") -> Slopes:
-        """Derivatives of a state of the present values (see `take`), at fixed added volume or at fixed pressure.
+        """Derivatives of a state of the present values (see `set_parameters`), at fixed added volume or at fixed pressure.
 
         Raises:
             CannotEvaluate: The linear solver failed.

@@ -7,17 +7,17 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from softmodels.fitting.comparison import Comparison
-from softmodels.fitting.curves.contradiction import Apart
+from softmodels.fitting.curves.contradiction import SeparateFits
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.fitted_law import Fitted
+from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.materials.material import Material
 
 if TYPE_CHECKING:
-    from softmodels.fitting.outlines.fit import Fitting
+    from softmodels.fitting.outlines.fit import MatchedPhotograph
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Report:
+class FitReport:
     """All that was fitted, best law first, to which curves, and how.
 
     Attributes:
@@ -31,17 +31,17 @@ class Report:
         photographs: By law: each photograph with its fitted state; empty but for outlines.
     """
 
-    laws: tuple[Fitted, ...]
+    laws: tuple[FittedLaw, ...]
     comparison: Comparison
     curves: tuple[TensileCurve, ...]
     how: str
-    apart: Apart | None = None
+    separate: SeparateFits | None = None
     device: str = ""
     notes: tuple[str, ...] = ()
-    photographs: Mapping[str, Sequence[Fitting]] = dataclasses.field(default_factory=dict)
+    photographs: Mapping[str, Sequence[MatchedPhotograph]] = dataclasses.field(default_factory=dict)
 
     @property
-    def chosen(self) -> Fitted:
+    def chosen(self) -> FittedLaw:
         """The preferred law; if that is not sound, the best that is; if none is, the preferred all the same."""
         preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
         return next((one for one in (preferred, *self.laws) if one.sound), preferred)
