@@ -23,13 +23,13 @@ from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
 from softmodels.fitting.curves.contradiction import separate_file
 from softmodels.fitting.curves.curve import TensileError
-from softmodels.fitting.curves.fit import StressError
 from softmodels.fitting.curves.fit_curves import fit_curves
+from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.files import name_of, retire, write_materials
 from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.law_parameters import known_laws, law_choices
-from softmodels.fitting.outlines.data import OutlineFitError
 from softmodels.fitting.outlines.fit_device import fit, fit_heights
+from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError
 from softmodels.fitting.tables import as_json, as_text, material_toml, write_curves
 from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start

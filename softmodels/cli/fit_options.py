@@ -8,7 +8,7 @@ from typing import Any
 from measurement.units import UnitError, quantity
 from softmodels.fitting.law_parameters import LawChoice, all_parameters
 from softmodels.fitting.options import BENCH, FitOptions
-from softmodels.fitting.outlines.data import OutlineFitError
+from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.problem import FitError, Prior
 
 BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}

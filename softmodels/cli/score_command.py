@@ -16,7 +16,7 @@ from softmodels.cli.curve_command import read_material
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import read_curves, specimen_options, tensile_option
 from softmodels.fitting.curves.curve import TensileError
-from softmodels.fitting.curves.fit import RELATIVE, StressError
+from softmodels.fitting.curves.stress_error import RELATIVE, StressError
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.scoring import Score, score_curve, score_outlines, write_scores
 from softmodels.materials.laws import Material, MaterialError
@@ -106,7 +106,7 @@ def _error(text: str) -> StressError:
 
 def _device(files: tuple[Path, ...], untrusted: bool) -> tuple[Any, list[Any]]:
     from softmodels.case.case import Case, CaseError
-    from softmodels.fitting.outlines.data import read_outlines
+    from softmodels.fitting.outlines.reading import read_outlines
 
     try:
         case = Case.from_file(files[0])

@@ -13,7 +13,7 @@ from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.materials.material import Material
 
 if TYPE_CHECKING:
-    from softmodels.fitting.outlines.fit import MatchedPhotograph
+    from softmodels.fitting.outlines.outline_residuals import MatchedPhotograph
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -22,9 +22,9 @@ class FitOptions:
         robust: Whether outliers count by their size, not by its square.
         profiles: Whether the intervals come from profile likelihoods; else from the covariance.
         silicone: Name of the silicone, whose known moduli show pressures in a wrong unit; ``"any"`` if it is in no list.
-        stress_error: Standard error of stresses, see `softmodels.fitting.curves.fit.StressError.from_text`.
+        stress_error: Standard error of stresses, see `softmodels.fitting.curves.stress_error.StressError.from_text`.
         gauge_error: Standard error of a factor on each test (cross-section, load cell), a share.
-        free: With a device: what is fitted of bench and device beside the law, see `softmodels.fitting.outlines.fit.Bench`.
+        free: With a device: what is fitted of bench and device beside the law, see `softmodels.fitting.outlines.bench.Bench`.
         without: With a device: names of photographs that are left out.
         untrusted: With a device: whether measurements are taken that the measurement does not trust.
     """

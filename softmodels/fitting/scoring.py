@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
-from softmodels.fitting.curves.fit import StressError
+from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.materials.material import Material
 from softmodels.materials.specimens import respond
@@ -89,9 +89,10 @@ def score_outlines(name: str, material: Material, case: Any, outlines: Sequence[
     Raises:
         FitError: The device has no such states under this law, or cannot be the one in the photographs.
     """
-    from softmodels.fitting.outlines.data import prepare
-    from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fit_law_to_outlines
+    from softmodels.fitting.outlines.law_fit import fit_law_to_outlines
     from softmodels.fitting.outlines.measured_device import MeasuredDevice
+    from softmodels.fitting.outlines.outline_residuals import READINGS, OutlineResiduals
+    from softmodels.fitting.outlines.shapes import prepare
 
     choice = LawChoice.of(material)
     measured = MeasuredDevice.of(case)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from softmodels.fitting.outlines.fit import MatchedPhotograph
+from softmodels.fitting.outlines.outline_residuals import MatchedPhotograph
 from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.pictures.pages import DPI, FAINT, INK, WIDTH
 

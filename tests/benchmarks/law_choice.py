@@ -33,7 +33,9 @@ from scipy.interpolate import PchipInterpolator
 
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, read_curve
-from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, noise, residuals_of
+from softmodels.fitting.curves.curve_residuals import residuals_of
+from softmodels.fitting.curves.law_fit import fit_law_to_curves
+from softmodels.fitting.curves.stress_error import StressError, noise
 from softmodels.fitting.curves.thinning import thinned
 from softmodels.fitting.curves.yardstick import on_yardstick
 from softmodels.fitting.law_parameters import law_choices

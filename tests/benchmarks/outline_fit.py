@@ -21,15 +21,10 @@ import numpy as np
 
 from geometries import HollowDisk
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.data import prepare
-from softmodels.fitting.outlines.fit import (
-    LEAK_ERROR,
-    PRESSURE_SCALE_ERROR,
-    SCALE_ERROR,
-    ZERO_ERROR,
-    OutlineResiduals,
-    fit_law_to_outlines,
-)
+from softmodels.fitting.outlines.bench import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR
+from softmodels.fitting.outlines.law_fit import fit_law_to_outlines
+from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
+from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.fitting.problem import CannotEvaluate
 from softmodels.mechanics.mpi import start

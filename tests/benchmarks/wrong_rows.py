@@ -28,9 +28,9 @@ from geometries import HollowDisk
 from measurement.outline.outline import Outline
 from softmodels.fitting.believable import expected, hold_against
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.data import prepare
-from softmodels.fitting.outlines.fit import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR, Bench
+from softmodels.fitting.outlines.bench import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR, Bench
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, fit_heights
+from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.fitting.outlines.trials import try_outlines
 from softmodels.fitting.problem import FitError

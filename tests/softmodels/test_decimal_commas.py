@@ -16,8 +16,8 @@ from measurement.screen.setup import SetupError
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case, CaseError
 from softmodels.disk import command as disk
-from softmodels.fitting.outlines.data import OutlineFitError
 from softmodels.fitting.outlines.heights import read_heights
+from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.results.limits import Tolerance
 from softmodels.seminar import command as seminar
 

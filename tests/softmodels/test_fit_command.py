@@ -337,7 +337,8 @@ def test_bad_input_is_one_sentence(text, says):
 def test_a_law_at_the_edge_of_what_it_can_be_is_judged(tmp_path):
     """Mooney-Rivlin on a curve that only hardens ends at a shear modulus of nothing: a sentence, no traceback."""
     from softmodels.fitting.curves.curve import TensileCurve
-    from softmodels.fitting.curves.fit import StressError, residuals_of
+    from softmodels.fitting.curves.curve_residuals import residuals_of
+    from softmodels.fitting.curves.stress_error import StressError
     from softmodels.fitting.least_squares import fit_parameters
     from softmodels.fitting.soundness import objections
 

@@ -10,8 +10,10 @@ import pytest
 from softmodels.fitting.comparison import MOST_RATIO, compare
 from softmodels.fitting.curves.contradiction import contradictions
 from softmodels.fitting.curves.curve import TensileCurve, read_curve
-from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, residuals_of
+from softmodels.fitting.curves.curve_residuals import residuals_of
 from softmodels.fitting.curves.fit_curves import prepared
+from softmodels.fitting.curves.law_fit import fit_law_to_curves
+from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.curves.thinning import MOST_POINTS, thinned
 from softmodels.fitting.curves.yardstick import STEPS, evened, on_yardstick
 from softmodels.fitting.law_parameters import LawChoice

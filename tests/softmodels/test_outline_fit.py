@@ -10,23 +10,14 @@ import pytest
 from geometries import HollowDisk
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit import StressError, residuals_of
+from softmodels.fitting.curves.curve_residuals import residuals_of
+from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.data import prepare
-from softmodels.fitting.outlines.fit import (
-    BENCH,
-    LEAK_ERROR,
-    SCALE_ERROR,
-    ZERO_ERROR,
-    Bench,
-    OutlineResiduals,
-    fit_law_to_outlines,
-    fits_badly,
-    misfits,
-    nuisances,
-    volume_parameters,
-)
+from softmodels.fitting.outlines.bench import LEAK_ERROR, SCALE_ERROR, ZERO_ERROR, Bench, nuisances
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, fit_heights
+from softmodels.fitting.outlines.law_fit import fit_law_to_outlines, volume_parameters
+from softmodels.fitting.outlines.outline_residuals import BENCH, OutlineResiduals, fits_badly, misfits
+from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.fitting.outlines.start import starts
 from softmodels.fitting.problem import CannotEvaluate, Extra, Prior

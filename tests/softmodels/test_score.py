@@ -11,7 +11,7 @@ import pytest
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.cli.options import main
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit import StressError
+from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.scoring import score_curve
 from softmodels.materials.laws import Gent, NeoHookean, Ogden, Yeoh

@@ -7,7 +7,7 @@ import pytest
 
 from softmodels.fitting.curves.columns import TensileError, recognise
 from softmodels.fitting.curves.curve import Specimen, read_curve, small_modulus
-from softmodels.fitting.curves.fit import DENSE, StressError, noise
+from softmodels.fitting.curves.stress_error import DENSE, StressError, noise
 from softmodels.materials.homogeneous import balloon_pressure
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import respond

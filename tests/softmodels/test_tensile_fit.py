@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, largest_strain, residuals_of
+from softmodels.fitting.curves.curve_residuals import largest_strain, residuals_of
+from softmodels.fitting.curves.law_fit import fit_law_to_curves
+from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.identifiability import unseen
 from softmodels.fitting.law_parameters import LawChoice, all_laws
 from softmodels.fitting.least_squares import fit_parameters

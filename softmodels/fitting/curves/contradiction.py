@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit import largest_strain
+from softmodels.fitting.curves.curve_residuals import largest_strain
 from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.result import LeastSquaresFit

@@ -11,7 +11,9 @@ from softmodels.fitting.comparison import Comparison, compare
 from softmodels.fitting.curves.columns import TensileError
 from softmodels.fitting.curves.contradiction import fit_separately, fitted_alone
 from softmodels.fitting.curves.curve import TensileCurve, read_curve, small_modulus
-from softmodels.fitting.curves.fit import StressError, fit_law_to_curves, largest_strain, residuals_of, spread
+from softmodels.fitting.curves.curve_residuals import largest_strain, residuals_of
+from softmodels.fitting.curves.law_fit import fit_law_to_curves, spread
+from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.curves.thinning import thinned
 from softmodels.fitting.curves.yardstick import on_yardstick
 from softmodels.fitting.fit_report import FitReport

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit import noise
+from softmodels.fitting.curves.stress_error import noise
 
 Array = npt.NDArray[np.float64]
 

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit import TensileResiduals, noise
+from softmodels.fitting.curves.curve_residuals import TensileResiduals
+from softmodels.fitting.curves.stress_error import noise
 from softmodels.fitting.curves.thinning import averaged
 from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.result import LeastSquaresFit

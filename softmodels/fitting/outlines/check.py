@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.fitting.outlines.data import Shape
 from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.shadow import shadow_of
+from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.fitting.outlines.start import MODULUS, volumes_of
 from softmodels.fitting.problem import UnsoundError

@@ -14,16 +14,19 @@ from softmodels.fitting.believable import Expected, caution, expected, hold_agai
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.contradiction import contradictions
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit import StressError, residuals_of
+from softmodels.fitting.curves.curve_residuals import residuals_of
+from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.law_parameters import LawChoice, Laws, all_parameters, law_choices
 from softmodels.fitting.options import DEFAULTS, FitOptions
-from softmodels.fitting.outlines.data import kept, prepare, read_outlines
-from softmodels.fitting.outlines.fit import Bench, OutlineResiduals
+from softmodels.fitting.outlines.bench import Bench
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, read_heights
 from softmodels.fitting.outlines.measured_device import MeasuredDevice
+from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
 from softmodels.fitting.outlines.pressure_course import Row
+from softmodels.fitting.outlines.reading import kept, read_outlines
+from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.outlines.trials import Trial, try_heights, try_outlines
 from softmodels.fitting.profile import profile
 from softmodels.fitting.result import LeastSquaresFit

@@ -4,7 +4,7 @@ Heights are held against states at the readings as they are, all with the same w
 point, and what the bench gets wrong in all photographs alike (a leak, an offset, a unit, the zero plane) it can neither see nor
 correct: the scatter about the fitted law does not show it. What is believable of each is carried into the error bars to first
 order (considered parameters: Schmidt 1966; Tapley, Schutz & Born 2004, Statistical Orbit Determination, chapter 6).
-`softmodels.fitting.outlines.fit` has both, and sees the whole outline.
+`softmodels.fitting.outlines.outline_residuals` has both, and sees the whole outline.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ import numpy.typing as npt
 from measurement.reasons import reason
 from measurement.units import UnitError, number
 from softmodels.fitting.least_squares import fit_parameters
-from softmodels.fitting.outlines.data import FLOOR, TALLEST, OutlineFitError, kept
+from softmodels.fitting.outlines.bench import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR
 from softmodels.fitting.outlines.device_model import DeviceModel
-from softmodels.fitting.outlines.fit import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR
+from softmodels.fitting.outlines.reading import OutlineFitError, kept
+from softmodels.fitting.outlines.shapes import FLOOR, TALLEST
 from softmodels.fitting.outlines.start import starts
 from softmodels.fitting.problem import CannotEvaluate, Changes, FitError, Parameter
 from softmodels.fitting.result import LeastSquaresFit

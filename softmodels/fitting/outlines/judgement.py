@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from softmodels.fitting.outlines.corrections import corrections, unbelievable
-from softmodels.fitting.outlines.fit import READINGS, OutlineResiduals, fits_badly, misfits
 from softmodels.fitting.outlines.heights import HeightResiduals
+from softmodels.fitting.outlines.outline_residuals import READINGS, OutlineResiduals, fits_badly, misfits
 from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.wrong_rows import by_course, by_fit, reading
 from softmodels.fitting.result import LeastSquaresFit

@@ -12,8 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.fitting.outlines.data import OutlineFitError
 from softmodels.fitting.outlines.device_model import DeviceModel
+from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.problem import CannotEvaluate
 from softmodels.mechanics.solver import NoConvergence
 from softmodels.path.continuation import LARGEST_GROWTH, Continuation, trace

@@ -8,13 +8,15 @@ from types import MappingProxyType
 
 import numpy as np
 
+from softmodels.fitting.outlines.bench import Bench, nuisances
 from softmodels.fitting.outlines.check import series_of, series_of_shapes
-from softmodels.fitting.outlines.data import Shape
 from softmodels.fitting.outlines.device_model import DeviceModel
-from softmodels.fitting.outlines.fit import Bench, OutlineResiduals, fit_law_to_outlines, nuisances
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_heights
 from softmodels.fitting.outlines.judgement import judge_heights, judge_outlines, within_chance
+from softmodels.fitting.outlines.law_fit import fit_law_to_outlines
+from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
 from softmodels.fitting.outlines.pressure_course import Row
+from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.wrong_rows import by_course
 from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, UnsoundError
 from softmodels.fitting.result import LeastSquaresFit

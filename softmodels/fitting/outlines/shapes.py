@@ -10,46 +10,51 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
 from measurement.edge.smoothing import SPAN
-from measurement.outline.outline import Outline, OutlineError
+from measurement.outline.outline import Outline
 from measurement.units import pascal_per_cm
-from softmodels.fitting.problem import FitError
+from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.residual_groups import autocorrelation_time
 
 Array = npt.NDArray[np.float64]
 
 FLOOR = 1e-4
 """Heights in m above which an outline counts: below, the support and the flat surface around are seen too."""
+
 FLOOR_ERRORS = 5.0
 """The same in standard errors, so that noise does not decide what counts."""
+
 FEWEST = 12
 """Points above the floor that make an outline."""
+
 BIN = 3.0
 """Length of a bin in units of the errors' autocorrelation."""
+
 KNOT = 60
 """Points per knot of the spline that is taken for the outline's shape where its noise is looked at."""
+
 LONGEST = 60.0
 """Longest autocorrelation believed, in points."""
+
 TALLEST = 10.0
 """Heights above this many widths of the device are no outline of it."""
+
 SHALLOWEST = 1e-4
 """Largest heights below this many widths of the device are no inflation of it."""
+
 STRONGEST = 5e6
 """Pressures in Pa above which no silicone device is inflated."""
+
 CLOSE = 1e-6
 """Readings of two outlines closer than this, relative, are one pressure."""
+
 ALIKE = 0.1
 """Heights closer than this, relative, are one state; past a limit point one pressure has two, which are further apart."""
-
-
-class OutlineFitError(FitError):
-    """Outlines that cannot be fitted; the message is a sentence for the user."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -91,68 +96,6 @@ class Shape:
         np.add.at(sums, self.bins, standard)
         factor = self.weight / np.bincount(self.bins, minlength=count)
         return sums * factor.reshape(-1, *[1] * (values.ndim - 1))
-
-
-def read_outlines(files: Sequence[Path], untrusted: bool = False, without: Sequence[str] = ()) -> list[Outline]:
-    """Read outlines' files; folders stand for all outlines in them.
-
-    Args:
-        files: Files and folders.
-        untrusted: Take outlines that the measurement does not trust.
-        without: Names of photographs or files to leave out.
-
-    Raises:
-        OutlineFitError: No file, one that is no outline, or one that is not trusted, unless ``untrusted`` allows it.
-    """
-    names: list[Path] = []
-    for file in files:
-        found = sorted(p for p in file.glob("*.csv") if p.name != "heights.csv") if file.is_dir() else [file]
-        if not found:
-            raise OutlineFitError(f"the folder {file} holds no outlines; python -m measurement photos makes them")
-        names += found
-    if not names:
-        raise OutlineFitError("nothing to fit to; give outlines that python -m measurement photos has made")
-    outlines = []
-    for name in names:
-        try:
-            outlines.append(Outline.from_csv(name))
-        except OutlineError as error:
-            raise OutlineFitError(str(error)) from None
-    keep = kept([(outline.source, name) for name, outline in zip(names, outlines, strict=True)], without)
-    names, outlines = [names[i] for i in keep], [outlines[i] for i in keep]
-    doubted = [(name, outline) for name, outline in zip(names, outlines, strict=True) if not outline.trusted]
-    if doubted and not untrusted:
-        name, outline = doubted[0]
-        more = f", and {len(doubted) - 1} more" if len(doubted) > 1 else ""
-        raise OutlineFitError(
-            f"{name} is not to be trusted ({'; '.join(outline.reasons)}){more}; leave it out, or take it with --untrusted"
-        )
-    return outlines
-
-
-def kept(rows: Sequence[tuple[str, Path | None]], without: Sequence[str]) -> list[int]:
-    """Which rows, photographs with their files, are not left out by name.
-
-    Raises:
-        OutlineFitError: A name that is none of them, or nothing is left.
-    """
-    left = {}
-    for name in without:
-        found = [
-            i for i, (source, file) in enumerate(rows) if name in (source, Path(source).stem, str(file), *_names(file))
-        ]
-        if not found:
-            known = ", ".join(source for source, _ in rows)
-            raise OutlineFitError(f"--without {name}: there is no such photograph; there are {known}")
-        left.update(dict.fromkeys(found))
-    keep = [i for i in range(len(rows)) if i not in left]
-    if rows and not keep:
-        raise OutlineFitError("--without leaves nothing to fit to")
-    return keep
-
-
-def _names(file: Path | None) -> tuple[str, ...]:
-    return (file.name, file.stem) if file else ()
 
 
 def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tuple[list[Shape], list[str]]:

@@ -12,59 +12,24 @@ A leak (flow through the hose between column and device) makes readings too high
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Collection, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from measurement.series.column import DENSITY_ERROR
-from measurement.units import WATER_DENSITY
-from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.options import BENCH
-from softmodels.fitting.outlines.data import OutlineFitError, Shape
 from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.shadow import shadow_of
-from softmodels.fitting.outlines.start import starts
-from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, Parameter, Prior
-from softmodels.fitting.result import LeastSquaresFit
+from softmodels.fitting.outlines.shapes import Shape
+from softmodels.fitting.problem import CannotEvaluate
 from softmodels.mechanics.system import State
 from softmodels.results.quadratic_curve import QuadraticCurve
 
 Array = npt.NDArray[np.float64]
 
-LEAK_ERROR = 0.02
-"""Prior of the leak: share of the largest pressure lost there."""
-SCALE_ERROR = 0.005
-"""Prior of the unit of length: a board's pitch, a magnification."""
-ZERO_ERROR = 20e-6
-"""Prior of the zero plane's height in m."""
-PRESSURE_SCALE_ERROR = DENSITY_ERROR / WATER_DENSITY
-"""Prior of the unit of pressure: a column's density is one number for all readings."""
-LENGTH_ERROR = 0.02
-"""Prior of a length of the device, relative, where it is freed."""
-UNHEARD = 1e6
-"""Factor on the error of a pressure that does not count."""
 READINGS = "pressures"
 """Label of the group of residuals that hold the pressures."""
-POISSON_BOUNDS = (0.3, 0.5)
-
-
-@dataclasses.dataclass(frozen=True)
-class Bench:
-    """Which uncertainties of device and bench are fitted; the others keep their nominal value.
-
-    By default those that any bench has. Free ones have priors (`nuisances`), but for the centre, which outlines show by
-    themselves.
-
-    Attributes:
-        free: Names among ``pressure_offset``, ``pressure_scale``, ``leak``, ``scale``, ``zero``, ``centre``, ``poisson`` and
-            the device's own variable lengths, such as ``membrane``.
-    """
-
-    free: tuple[str, ...] = BENCH
 
 
 class OutlineResiduals:
@@ -212,47 +177,6 @@ class MatchedPhotograph:
         }
 
 
-def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
-    """Parameters of bench and device with their default priors; those that are not free are fixed.
-
-    Raises:
-        OutlineFitError: A name that is none of them.
-    """
-    model, shapes = source.model, source.shapes
-    known = (*BENCH, "poisson", *model.lengths)
-    for name in bench.free:
-        if name not in known:
-            raise OutlineFitError(
-                f"nothing of the bench or the device is called {name!r}; known are {', '.join(known)}"
-            )
-    reading = min(shape.pressure_error for shape in shapes)
-    width = model.silhouette.width
-    centre = float(np.median([shape.centre for shape in shapes]))
-    tops = source.most
-    made = {
-        "pressure_offset": Parameter("pressure_offset", "Pa", 0.0, -tops, tops, Prior(0.0, reading)),
-        "pressure_scale": Parameter("pressure_scale", "", 0.0, -0.5, 0.5, Prior(0.0, PRESSURE_SCALE_ERROR)),
-        "leak": Parameter("leak", "", 0.0, -0.5, 0.5, Prior(0.0, LEAK_ERROR)),
-        "scale": Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, SCALE_ERROR)),
-        "zero": Parameter("zero", "m", 0.0, -width, width, Prior(0.0, ZERO_ERROR)),
-        "centre": Parameter("centre", "m", centre, centre - width, centre + width),
-        "poisson": Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
-        **{
-            name: Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
-            for name, value in model.lengths.items()
-        },
-    }
-    return [p if p.name in bench.free else dataclasses.replace(p, fixed=True) for p in made.values()]
-
-
-def volume_parameters(source: OutlineResiduals, volumes: Sequence[float] | Array) -> list[Parameter]:
-    """The hidden added volumes with a start for each, m3."""
-    return [
-        Parameter(name, "m^3", start, 0.05 * start, 4.0 * start, hidden=True, title=f"the added volume at {shape.name}")
-        for name, start, shape in zip(source.volumes, volumes, source.shapes, strict=True)
-    ]
-
-
 def misfits(source: OutlineResiduals, residuals: Array) -> dict[str, tuple[float, int]]:
     """Chi squared of each photograph's outline, and of the readings, with the number of residuals."""
     found = {}
@@ -266,50 +190,3 @@ def fits_badly(chi2: float, count: int) -> bool:
     """Whether chi squared of this many residuals is beyond chance (one in a thousand, by Wilson & Hilferty 1931)."""
     k = max(count, 1)
     return chi2 > k * (1 - 2 / (9 * k) + 3.1 * math.sqrt(2 / (9 * k))) ** 3
-
-
-def fit_law_to_outlines(
-    source: OutlineResiduals,
-    bench: Bench = Bench(),
-    *,
-    extra: Extra = NOTHING_ELSE,
-    changes: Changes = MappingProxyType({}),
-    loss: str = "linear",
-    doubted: Collection[str] = (),
-) -> LeastSquaresFit:
-    """Fit a law to outlines from starts in closed form.
-
-    Args:
-        source: The device and its outlines.
-        bench: What is free beside the law.
-        extra: Further sources that depend on the law's parameters, such as tensile curves.
-        changes: Fields of parameters to replace.
-        loss: See `softmodels.fitting.least_squares.fit_parameters`.
-        doubted: Names of photographs whose pressures do not count where the fit starts.
-
-    Raises:
-        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
-        OutlineFitError: The device cannot be the one in the photographs.
-    """
-    choice = source.model.choice
-    known = nuisances(source, bench)
-    names = {*choice.names, *(p.name for p in (*known, *extra.parameters))}
-    for name in changes:
-        if name not in names:
-            raise FitError(f"there is no parameter {name!r}; known are {', '.join(sorted(names))}")
-    measured = [
-        (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
-        for shape in source.shapes
-    ]
-    begins, volumes = starts(source.model, *np.array(measured).T)
-    troubles = []
-    for begin in begins:
-        parameters = [
-            p.changed(changes.get(p.name, {})) for p in (*choice.parameters(begin), *known, *extra.parameters)
-        ] + volume_parameters(source, volumes)
-        source.fixed = frozenset(p.name for p in parameters if p.fixed)
-        try:
-            return fit_parameters([source, *extra.sources], parameters, loss=loss, label=choice.name)
-        except FitError as error:
-            troubles.append(str(error))
-    raise FitError(f"{choice.name}: {troubles[0]}")

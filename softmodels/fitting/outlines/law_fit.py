@@ -1,0 +1,76 @@
+"""The fit of one law to outlines, from starts in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.fitting.least_squares import fit_parameters
+from softmodels.fitting.outlines.bench import DEFAULT_BENCH, Bench, nuisances
+from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
+from softmodels.fitting.outlines.start import starts
+from softmodels.fitting.problem import NOTHING_ELSE, Changes, Extra, FitError, Parameter
+from softmodels.fitting.result import LeastSquaresFit
+
+Array = npt.NDArray[np.float64]
+
+UNHEARD = 1e6
+"""Factor on the error of a pressure that does not count."""
+
+
+def volume_parameters(source: OutlineResiduals, volumes: Sequence[float] | Array) -> list[Parameter]:
+    """The hidden added volumes with a start for each, m3."""
+    return [
+        Parameter(name, "m^3", start, 0.05 * start, 4.0 * start, hidden=True, title=f"the added volume at {shape.name}")
+        for name, start, shape in zip(source.volumes, volumes, source.shapes, strict=True)
+    ]
+
+
+def fit_law_to_outlines(
+    source: OutlineResiduals,
+    bench: Bench = DEFAULT_BENCH,
+    *,
+    extra: Extra = NOTHING_ELSE,
+    changes: Changes = MappingProxyType({}),
+    loss: str = "linear",
+    doubted: Collection[str] = (),
+) -> LeastSquaresFit:
+    """Fit a law to outlines from starts in closed form.
+
+    Args:
+        source: The device and its outlines.
+        bench: What is free beside the law.
+        extra: Further sources that depend on the law's parameters, such as tensile curves.
+        changes: Fields of parameters to replace.
+        loss: See `softmodels.fitting.least_squares.fit_parameters`.
+        doubted: Names of photographs whose pressures do not count where the fit starts.
+
+    Raises:
+        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
+        OutlineFitError: The device cannot be the one in the photographs.
+    """
+    choice = source.model.choice
+    known = nuisances(source, bench)
+    names = {*choice.names, *(p.name for p in (*known, *extra.parameters))}
+    for name in changes:
+        if name not in names:
+            raise FitError(f"there is no parameter {name!r}; known are {', '.join(sorted(names))}")
+    measured = [
+        (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
+        for shape in source.shapes
+    ]
+    begins, volumes = starts(source.model, *np.array(measured).T)
+    troubles = []
+    for begin in begins:
+        parameters = [
+            p.changed(changes.get(p.name, {})) for p in (*choice.parameters(begin), *known, *extra.parameters)
+        ] + volume_parameters(source, volumes)
+        source.fixed = frozenset(p.name for p in parameters if p.fixed)
+        try:
+            return fit_parameters([source, *extra.sources], parameters, loss=loss, label=choice.name)
+        except FitError as error:
+            troubles.append(str(error))
+    raise FitError(f"{choice.name}: {troubles[0]}")
