@@ -22,7 +22,7 @@ from softmodels.case.own_modules import VARIABLE
 from softmodels.cli.options import device_command, main
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_heights
-from softmodels.fitting.outlines.measured_device import device_of
+from softmodels.fitting.outlines.measured_device import MeasuredDevice
 from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import NeoHookean
 from softmodels.pictures.rendering import can_render
