@@ -154,7 +154,8 @@ def test_its_material_is_fitted_to_its_heights(comm):
     true = NeoHookean(18e3, 0.5)
     rises = np.linspace(0.2e-3, 1.5e-3, 6)
     heights = [Height(f"photo {k}", float(outer_pressure(true, rise)), rise) for k, rise in enumerate(rises)]
-    device = device_of(Case("ball", BALL, LAW, pressures_cm=(1.0,)), LawChoice.from_text("neo-hookean"), comm)
+    case = Case("ball", BALL, LAW, pressures_cm=(1.0,))
+    device = MeasuredDevice.of(case).model(LawChoice.from_text("neo-hookean"), comm)
     fitted = fit_heights(HeightResiduals(device, heights))
     assert fitted.values["shear_modulus"] == pytest.approx(18e3, rel=1e-3)
 
