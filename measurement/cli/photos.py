@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import sys
 from pathlib import Path
@@ -15,7 +14,6 @@ from measurement.camera.pixels import TONES, Unmeasurable, read_photograph
 from measurement.edge.tracing import AUTO
 from measurement.ending import bounded
 from measurement.outline.outline import Outline
-from measurement.outline.scaling import with_known_body
 from measurement.outline.zero import ZeroLine
 from measurement.output_option import FolderType, open_folder, open_place
 from measurement.output_place import status_of
@@ -24,7 +22,8 @@ from measurement.reasons import reason
 from measurement.result_folder import ResultFolder
 from measurement.screen.setup import Setup, SetupError
 from measurement.series.column import DENSITY_ERROR, READING_ERROR, Column, ColumnError
-from measurement.series.measuring import NoZero, Result, measure_all, zero_line
+from measurement.series.measurement import Measurement, with_zero
+from measurement.series.measuring import NoZero, Result, measure_all
 from measurement.series.photo import Refusal
 from measurement.series.photo_list import Photograph, PhotoListError, read_photos
 from measurement.units import WATER_DENSITY, UnitError, quantity
@@ -33,8 +32,6 @@ ALL_MEASURED, FAILED, UNUSABLE, SOME_REFUSED = 0, 1, 2, 3
 
 DEMO = ("photographs/", "setup.toml", "setup.png", "outlines/")
 """What the demonstration writes into its folder."""
-
-HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error_m", "trusted", "remarks")
 
 
 @click.command()
@@ -103,21 +100,19 @@ def _run(
     width: tuple[float, float] | None, draw: bool, quiet: bool,
 ) -> int:  # fmt: skip
     try:
-        zero = zero_line(listed, setup, tone)
-        if width is not None:
-            setup = with_known_body(setup, zero, *width)
-            zero = zero_line(listed, setup, tone)
+        zeroed = with_zero(listed, setup, tone, width)
     except SetupError as error:
         _stop(str(error), UNUSABLE)
     except NoZero as error:
         _stop(str(error), UNUSABLE if not any(photo.is_zero for photo in listed) else FAILED)
+    setup, zero = zeroed
     try:
         with folder.writing() as output:
             edges = output / "edges"
             if draw:
                 edges.mkdir()
             results = _measure(listed, setup, zero, tone, jobs, edges if draw else None, quiet)
-            _write_numbers(output, results)
+            Measurement(tuple(results), setup, zero).write(output)
             if draw:
                 _draw(output, results, setup, tone)
     except OwnFolderError as error:
@@ -185,22 +180,6 @@ def _line(result: Result) -> str:
     remark = "" if outcome.trusted else f"  not trusted: {'; '.join(outcome.reasons)}"
     height = f"{outcome.height * 1e3:8.4f} mm +- {outcome.height_error * 1e6:.1f} um"
     return f"{result.photograph.file.name}  {pressure:9.1f} Pa  {height}{remark}"
-
-
-def _write_numbers(output: Path, results: list[Result]) -> None:
-    with (output / "heights.csv").open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(HEIGHTS)
-        for result in results:
-            photo, outcome = result.photograph, result.outcome
-            first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
-            if isinstance(outcome, Refusal):
-                rows.writerow((*first, "", "", "refused", outcome.reason))
-            else:
-                outcome.to_csv(output / f"{result.name}.csv")
-                told = "yes" if outcome.trusted else "no"
-                values = (f"{outcome.height:.9g}", f"{outcome.height_error:.4g}")
-                rows.writerow((*first, *values, told, "; ".join(outcome.reasons)))
 
 
 def _draw(output: Path, results: list[Result], setup: Setup, tone: str) -> None:

@@ -1,0 +1,50 @@
+"""A setup from a photograph of the screen's grid, as one call."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from measurement.camera.camera import Camera
+from measurement.screen.grid import find_grid
+from measurement.screen.overlay import read_picture
+from measurement.screen.setup import Setup
+
+
+def setup_from_grid(
+    photograph: str | Path,
+    pitch: float = 9e-3,
+    camera: Camera | None = None,
+    magnification: tuple[float, float] = (1.0, 0.0),
+    zero: ArrayLike | None = None,
+) -> Setup:
+    """Find the screen's plane in a photograph of its grid.
+
+    Args:
+        photograph: The picture.
+        pitch: Distance of the grid's lines in m.
+        camera: Its lens, as `measurement.calibrate` and `measurement.camera.lens.lens_profile` give it; None for one without
+            distortion.
+        magnification: The shadow's, and its standard error; see `measurement.screen.setup.magnification`.
+        zero: Two pixels (2, 2) on the undeformed surface; None where a photograph at zero pressure shows it.
+
+    Raises:
+        GridError: No grid is found.
+        CameraError: The picture cannot be read, or is of another size than the camera's.
+        SetupError, PlaneError: What was found cannot be used.
+    """
+    picture = read_picture(Path(photograph))
+    height, width = picture.shape[:2]
+    seen = camera or Camera.ideal(width, height)
+    grid = find_grid(picture, seen, pitch, None)
+    size, error = magnification
+    made = Setup(seen, grid.plane(seen), size, error, grid_pitch=pitch)
+    return (
+        made
+        if zero is None
+        else Setup(
+            seen, grid.plane(seen), size, error, zero=made.to_metres(np.asarray(zero, dtype=float)), grid_pitch=pitch
+        )
+    )
