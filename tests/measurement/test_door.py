@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import measurement
+from measurement.series.column import DENSITY_ERROR
 from measurement.synthetic.demo import make_photographs
 from measurement.units import quantity
 
@@ -29,7 +30,8 @@ def _command(*words):
 
 def test_the_numbers_are_those_of_the_command_line(photographs, tmp_path, capfd):
     setup = measurement.setup_from_grid(photographs / "IMG_0100.JPG", pitch=quantity("9mm", "m"))
-    found = measurement.outlines(photographs / "photos.csv", setup)
+    column = measurement.Column(density_error=float(f"{DENSITY_ERROR:.2g}"))  # as the option's default is shown
+    found = measurement.outlines(photographs / "photos.csv", setup, column)
     found.write(tmp_path)
     assert capfd.readouterr() == ("", "")
     assert not found.refused
