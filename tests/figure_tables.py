@@ -41,7 +41,8 @@ class Figure(NamedTuple):
         """The five cells of the figure's row."""
         unit = f" {self.unit}" if self.unit and self.unit != "%" else self.unit
         bound = f"{'≥' if self.least else '≤'} {self.bound:g}{unit}"
-        return self.against, self.name, f"{self.value:.2g}{unit}", bound, f"`{self.file}`"
+        value = f"{self.value:.2g}" if abs(self.value) < 100.0 else f"{self.value:.0f}"
+        return self.against, self.name, f"{value}{unit}", bound, f"`{self.file}`"
 
 
 def worst(figures: Iterable[Figure]) -> list[Figure]:

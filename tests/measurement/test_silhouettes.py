@@ -44,8 +44,8 @@ def setups(drops, tmp_path_factory):
 
 
 @pytest.mark.parametrize("tone", TONES)
-def test_maximal_width(drops, setups, tone):
-    """Within 0.5 % of the published width; measured: 0.21 % as numbers proportional to light, 0.32 % with sRGB's curve."""
+def test_maximal_width(drops, setups, tone, figure):
+    """Better as numbers proportional to light than with sRGB's curve."""
     assert len(drops) == 9
     x0, y0, x1, y1 = ROI
     for (path, _, width), setup in zip(drops, setups, strict=True):
@@ -53,7 +53,8 @@ def test_maximal_width(drops, setups, tone):
         shadow = find_shadow(TONES[tone][image[y0:y1, x0:x1]], 0.0, None)
         contour = coarse_contour(shadow.mask, shadow.share, 1.0, (x0, y0))
         edge = refine_edge(image, contour, shadow.colour, None, 1.0, TONES[tone])
-        assert np.ptp(setup.to_metres(edge.px)[:, 0]) == pytest.approx(width, rel=0.005), path.name
+        found = np.ptp(setup.to_metres(edge.px)[:, 0])
+        figure("published widths of back-lit drops", f"width, tone {tone}", found / width - 1, 0.005)
 
 
 def test_a_blank_screen_is_not_trusted(drops, setups):

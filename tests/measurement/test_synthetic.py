@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import cv2
 import numpy as np
 import pytest
@@ -150,8 +148,7 @@ def test_scenes_that_cannot_be():
         photograph(Scene(), [[0.0, 0.0], [1.0, 1.0]])
 
 
-def test_eighteen_megapixels_in_a_few_seconds():
-    start = time.perf_counter()
+def test_eighteen_megapixels():
     image, _ = photograph(Scene(width=5184, height=3456, focal_px=12000.0, pixel_size=10e-6, tilt=30.0), dome(0.006))
     assert image.shape == (3456, 5184, 3)
-    assert time.perf_counter() - start < 20.0  # 4 s alone; the machine may be busy
+    assert 20 < image.mean() < 235 and np.ptp(image) > 100  # screen and shadow, neither black nor white alone

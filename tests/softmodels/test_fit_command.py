@@ -83,7 +83,7 @@ def test_says_values_intervals_range_and_which_law(whole):
     assert "planar.csv (planar)" in out and "stress error 30Pa" in out
     for words in ("c1", "95 %", "correlation of c2", "rms", "AICc", "stable (Drucker)", "2mu/alpha^2", "--material"):
         assert words in out
-    assert "the data prefer yeoh" in out or "take yeoh" in out
+    assert "the data prefer yeoh" in out
 
 
 def test_material_file_goes_into_a_simulation(whole):
@@ -127,7 +127,7 @@ def test_numbers_pictures_and_page(whole):
     assert all(abs(float(row["measured_Pa"]) - float(row["yeoh_Pa"])) < 150.0 for row in rows)
     for name in ("curves.png", "residuals.png", "profiles-yeoh.png", "profiles-ogden1.png", "profiles-neo-hookean.png"):
         image = matplotlib.image.imread(folder / name)
-        assert image.shape[1] == 1600 or image.shape[1] == 1200
+        assert image.shape[1] == (1600 if name in ("curves.png", "residuals.png") else 1200), (name, image.shape)
         assert image[..., :3].std() > 0.02, "an empty picture"
     page = (folder / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 5 and "http" not in page.replace("http-equiv", "")
@@ -348,4 +348,4 @@ def test_a_law_at_the_edge_of_what_it_can_be_is_judged(tmp_path):
     found = fit_parameters(sources, choice.parameters({"c10": 1e3, "c01": -1e3 + 1e-5}), errors="unknown")
     edge = dataclasses.replace(found, values={"c10": 1e3, "c01": -1e3 + 1e-5})
     said = objections(edge, lambda values: choice.material(values).shear_modulus_0)
-    assert any("shear modulus" in text or "do not determine" in text for text in said)
+    assert any("do not determine the shear modulus" in text for text in said)

@@ -58,8 +58,8 @@ def worst(found, wanted):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_resumed_equals_uninterrupted(name, tmp_path, monkeypatch):
-    """Measured: 0 in most, 1e-10 at a bifurcation, which is interpolated; 5e-6 where a last digit had been rounded."""
+def test_resumed_equals_uninterrupted(name, tmp_path, monkeypatch, figure):
+    """The same bits in most, not at a bifurcation, which is interpolated; 5e-6 where a last digit had been rounded."""
     from softmodels.cli.run import run
 
     monkeypatch.setattr(
@@ -77,5 +77,5 @@ def test_resumed_equals_uninterrupted(name, tmp_path, monkeypatch):
         assert run(case, folder, resume=True, **words) == status
         found = table(folder)
         assert len(found) == len(wanted), count
-        difference, column = worst(found, wanted)
-        assert difference < 1e-9, (count, column)
+        difference, _ = worst(found, wanted)
+        figure("an uninterrupted run, wherever it was stopped", f"every column resumed, {name}", difference, 3e-10)

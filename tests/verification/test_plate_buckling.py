@@ -25,6 +25,7 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.solver import Equilibrium
 from softmodels.results.fields import Fields
 
+THEORY = "exact incremental theory of a plate pushed together, lengths of 5 and 2 thicknesses"
 PLATES = [(5.0, 2, NeoHookean(50e3, 0.5)), (2.0, 1, MooneyRivlin(20e3, 5e3, 0.5))]
 """Length over thickness, largest number of half waves looked at, and law."""
 UPRIGHT = 1e6
@@ -96,19 +97,22 @@ def wanted(slenderness, waves, material):
 
 
 @pytest.mark.parametrize(("slenderness", "waves", "material"), PLATES)
-def test_plate_bends_at_its_critical_loads(pushed, slenderness, waves, material):
-    """Measured: 0.004 % and 0.02 % off at a length of five thicknesses, 0.05 % at two."""
+def test_plate_bends_at_its_critical_loads(pushed, slenderness, waves, material, figure):
     loads = [wanted(slenderness, n + 1, material) for n in range(waves)]
     equations, points, found = pushed(slenderness, waves, material)
-    assert [point.state.P * equations.stress_unit for point in found] == pytest.approx(loads, rel=2e-3)
+    assert len(found) == waves
+    apart = np.array([point.state.P * equations.stress_unit for point in found]) / loads - 1
+    figure(THEORY, f"loads at which one of {slenderness:g} bends", apart, {5.0: 6e-4, 2.0: 1.5e-3}[slenderness])
     first = points.index(found[0])
     assert all(point.stable_under_pressure and point.stable_under_volume for point in points[:first])
-    assert not any(point.stable_under_pressure or point.stable_under_volume for point in points[first + 1 :])
+    beyond = points[first + 1 :]
+    assert not any(point.stable_under_pressure for point in beyond)
+    assert not any(point.stable_under_volume for point in beyond)
     assert points[-1].signature.negative_eigenvalues == waves
 
 
 @pytest.mark.parametrize(("slenderness", "waves", "material"), PLATES)
-def test_modes_bend_the_plate_into_half_waves(pushed, slenderness, waves, material):
+def test_modes_bend_the_plate_into_half_waves(pushed, slenderness, waves, material, figure):
     equations, _, found = pushed(slenderness, waves, material)
     fields, plate = Fields(equations), equations.body.actuator
     X = fields.grid.points
@@ -119,14 +123,15 @@ def test_modes_bend_the_plate_into_half_waves(pushed, slenderness, waves, materi
             here = np.abs(X[:, 1] - face) < 1e-9
             wave = np.column_stack([np.cos(n * math.pi * X[here, 0] / plate.length), np.ones(here.sum())])
             fit, *_ = np.linalg.lstsq(wave, rise[here])
-            assert np.linalg.norm(rise[here] - wave @ fit) < 0.01 * np.linalg.norm(rise[here])
+            left = np.linalg.norm(rise[here] - wave @ fit) / np.linalg.norm(rise[here])
+            figure(THEORY, "what a mode differs from half waves by", left, 0.003)
             amplitudes.append(fit[0])
         assert amplitudes[0] == pytest.approx(amplitudes[1], rel=0.01)  # both faces go the same way: it bends
 
 
-def test_steps_do_not_move_the_plates_load(pushed):
-    """Measured: 1e-6 between steps of a tenth of the load, of a third and of all of it."""
+def test_steps_do_not_move_the_plates_load(pushed, figure):
+    """Steps of a tenth of the load and of a third against one of all of it."""
     _, _, (usual,) = pushed(*PLATES[1])
     for share in (0.1, 0.3):
         _, _, (again,) = pushed(*PLATES[1], control="pressure", largest_step=share * usual.state.P)
-        assert pytest.approx(usual.state.P, rel=1e-5) == again.state.P
+        figure("the plate's load met by other steps", "load", again.state.P / usual.state.P - 1, 2.5e-6)

@@ -1,0 +1,106 @@
+"""Small files, short functions, few parameters, few entries at the top: the lists of what is larger may only shrink."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import geometries
+import measurement
+import softmodels
+
+LINES, FUNCTION_LINES, PARAMETERS, ENTRIES = 300, 60, 7, 14
+"""Most lines of a file and of a function, most parameters, and most entries directly in ``softmodels/``."""
+PACKAGES = [Path(package.__file__).parent for package in (softmodels, measurement, geometries)]
+
+LONG_FILES = {
+    "geometries/actuator.py",
+    "measurement/cli/setup.py",
+    "measurement/edge/tracing.py",
+    "measurement/own_folder.py",
+    "measurement/synthetic/bench.py",
+    "softmodels/case/case.py",
+    "softmodels/mechanics/solver.py",
+    "softmodels/mechanics/system.py",
+    "softmodels/pictures/plots.py",
+    "softmodels/runs/simulation.py",
+}
+LONG_FUNCTIONS = {
+    "measurement/screen/calibration.py: calibrate",
+    "measurement/screen/grid_look.py: look_at_grid",
+    "measurement/series/photo.py: outline_of",
+    "softmodels/case/case.py: __post_init__",
+    "softmodels/cli/limit_command.py: limit",
+    "softmodels/cli/options.py: device_command",
+    "softmodels/cli/run.py: run",
+    "softmodels/mechanics/system.py: __init__",
+}
+MANY_PARAMETERS = {
+    "measurement/camera/lens.py: lens_profile",
+    "measurement/cli/photos.py: _run",
+    "measurement/cli/photos.py: photos",
+    "measurement/screen/grid_crossings.py: _profiles",
+    "softmodels/cli/limit_command.py: limit",
+    "softmodels/cli/options.py: command",
+    "softmodels/cli/options.py: execute",
+    "softmodels/cli/run.py: run",
+    "softmodels/pictures/sections.py: section_hot",
+    "softmodels/results/limits.py: scatter",
+}
+
+
+def _files():
+    for package in PACKAGES:
+        for path in sorted(package.rglob("*.py")):
+            yield path.relative_to(package.parent).as_posix(), path.read_text(encoding="utf-8")
+
+
+def _functions():
+    for file, text in _files():
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                yield f"{file}: {node.name}", node
+
+
+def _parameters(function):
+    """How many a caller sees: ``self`` and ``cls`` are not among them."""
+    given = function.args
+    names = [
+        argument.arg
+        for argument in (*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg)
+        if argument
+    ]
+    return len(names) - (names[:1] in (["self"], ["cls"]))
+
+
+def _differ(found, listed, limit):
+    """What is too large and not listed, and what is listed and no longer too large."""
+    too_large, no_longer = sorted(found - listed), sorted(listed - found)
+    assert not too_large, f"more than {limit}: {', '.join(too_large)}"
+    assert not no_longer, f"no longer more than {limit}, to be taken off the list: {', '.join(no_longer)}"
+
+
+def test_files_are_small():
+    found = {file for file, text in _files() if len(text.splitlines()) > LINES}
+    _differ(found, LONG_FILES, f"{LINES} lines")
+
+
+def test_functions_are_short():
+    found = {name for name, function in _functions() if function.end_lineno - function.lineno >= FUNCTION_LINES}
+    _differ(found, LONG_FUNCTIONS, f"{FUNCTION_LINES} lines")
+
+
+def test_functions_have_few_parameters():
+    found = {name for name, function in _functions() if _parameters(function) > PARAMETERS}
+    _differ(found, MANY_PARAMETERS, f"{PARAMETERS} parameters")
+
+
+def test_few_entries_at_the_top():
+    entries = {path.name for path in PACKAGES[0].iterdir()} - {"__pycache__"}
+    assert len(entries) <= ENTRIES, sorted(entries)
+
+
+def test_parameters_are_counted_as_a_caller_sees_them():
+    (method,) = ast.parse("def f(self, a, /, b, *rest, c=1, **more): ...").body
+    (plain,) = ast.parse("def f(a, b): ...").body
+    assert _parameters(method) == 5 and _parameters(plain) == 2
