@@ -5,8 +5,6 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 
 from __future__ import annotations
 
-import base64
-import html
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from measurement.outline.outline import Outline
-from measurement.page_style import RULES, VIEWPORT
+from measurement.page import image_uri, render
 from measurement.series.measuring import Result
 from measurement.series.photo import Refusal
 from measurement.series.witness import course_of
@@ -32,27 +30,11 @@ COURSE_POINTS = 200
 MOST_NAMED = 8
 """Untrusted photographs that are named in a picture; more are in the table."""
 
+TITLE = "Outlines from shadows"
+"""Of the page."""
+
 FRAME_TIME = 500
 """Milliseconds per picture of the animation."""
-
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8">{viewport}<title>Outlines from shadows</title><style>
-body {{ font: 16px/1.5 system-ui, sans-serif; color: #102a43; max-width: 66rem; margin: 2rem auto; padding: 0 1rem; }}
-table {{ border-collapse: collapse; width: 100%; }} th, td {{ padding: .3rem .8rem; border-bottom: 1px solid #d9e2ec; }}
-th {{ text-align: left; }} td.n {{ text-align: right; font-variant-numeric: tabular-nums; }}
-tr.refused td {{ color: #c0392b; }} tr.weak td {{ color: #9a6700; }} img {{ max-width: 100%; }}
-.photos {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(min(20rem, 100%), 1fr)); gap: 1rem; }}
-{style}</style></head><body>
-<h1>Outlines from shadows</h1>
-<p>{summary}</p>
-<div class="wide"><table><tr><th>photograph</th><th>pressure in Pa</th><th>height in mm</th><th>points</th><th>remarks</th></tr>
-{rows}
-</table></div>
-{pictures}
-<h2>The edge in every photograph</h2>
-<div class="photos">{photos}</div>
-</body></html>
-"""
 
 
 def measured(results: Sequence[Result]) -> list[Outline]:
@@ -161,28 +143,21 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
         ("steps.png", "The steps of one photograph"),
         ("animation.gif", "Animation"),
     )
-    pictures = "\n".join(
-        f"<h2>{title}</h2>\n{_image(folder / name, title)}" for name, title in titles if (folder / name).is_file()
-    )
-    edges = [(folder / "edges" / f"{result.name}.png", result.photograph.file.name) for result in results]
-    photos = "\n".join(_image(file, name) for file, name in edges if file.is_file())
-    rows = "\n".join(_row(result) for result in results)
-    page = PAGE.format(viewport=VIEWPORT, style=RULES, summary=summary, rows=rows, pictures=pictures, photos=photos)
+    pictures = [(title, image_uri(folder / name)) for name, title in titles if (folder / name).is_file()]
+    edges = [(result.photograph.file.name, folder / "edges" / f"{result.name}.png") for result in results]
+    photos = [(name, image_uri(file)) for name, file in edges if file.is_file()]
+    rows = [_row(result) for result in results]
+    page = render("overview.html", title=TITLE, summary=summary, rows=rows, pictures=pictures, photos=photos)
     path.write_text(page, encoding="utf-8")
 
 
-def _row(result: Result) -> str:
+def _row(result: Result) -> dict[str, str]:
+    """A photograph's row of the table."""
     photo, outcome = result.photograph, result.outcome
-    first = f"<td>{html.escape(photo.file.name)}</td><td class=n>{photo.pressure:.1f} ± {photo.pressure_error:.1f}</td>"
+    row = {"name": photo.file.name, "pressure": f"{photo.pressure:.1f} ± {photo.pressure_error:.1f}"}
     if isinstance(outcome, Refusal):
-        return f"<tr class=refused>{first}<td></td><td></td><td>refused: {html.escape(outcome.reason)}</td></tr>"
+        return {**row, "kind": "refused", "height": "", "points": "", "remark": f"refused: {outcome.reason}"}
     height = f"{outcome.height * 1e3:.4f} ± {outcome.height_error * 1e3:.4f}"
-    remark = html.escape("; ".join(outcome.reasons)) or "trusted"
-    kind = "" if outcome.trusted else " class=weak"
-    return f"<tr{kind}>{first}<td class=n>{height}</td><td class=n>{np.size(outcome.x)}</td><td>{remark}</td></tr>"
-
-
-def _image(file: Path, title: str) -> str:
-    kind = "gif" if file.suffix == ".gif" else "png"
-    data = base64.b64encode(file.read_bytes()).decode("ascii")
-    return f'<img alt="{html.escape(title)}" src="data:image/{kind};base64,{data}">'
+    remark = "; ".join(outcome.reasons) or "trusted"
+    kind = "" if outcome.trusted else "weak"
+    return {**row, "kind": kind, "height": height, "points": str(np.size(outcome.x)), "remark": remark}

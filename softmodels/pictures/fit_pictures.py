@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import html
 import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -12,7 +10,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from measurement.page_style import RULES, VIEWPORT, wide
+from measurement.page import data_uri, render
 from measurement.plain_text import plain
 from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.fitted_law import FittedLaw
@@ -150,59 +148,31 @@ def as_png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8">{viewport}<title>Fitted material</title><style>
-body{{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#102a43}}
-table{{border-collapse:collapse;margin:.6em 0}}td,th{{padding:.15em .9em;border-bottom:1px solid #d9e2ec;text-align:right}}
-td:first-child,th:first-child{{text-align:left}}img{{max-width:100%}}.w{{color:#c0392b}}
-{style}</style></head><body>
-{body}
-</body></html>
-"""
-
-
 def page(report: FitReport, images: dict[str, bytes]) -> str:
     """The report as one self-contained page."""
-    parts = ["<h1>Fitted material</h1>", f"<p><b>{html.escape(report.verdict)}.</b></p>"]
-    if not report.chosen.sound:
-        parts.append(f"<p class=w><b>Not sound: {html.escape(report.chosen.warnings[0])}.</b></p>")
-    parts.append(_list(report.separate.sentences, "w") if report.separate else "")
-    parts.append(_list([*report.ranges, report.how]))
-    if len(report.laws) > 1:
-        rows = [
-            (r.fit.label, str(len(r.fit.free)), f"+{r.aicc:.4g}", f"{r.bic:+.4g}") for r in report.comparison.ranked
-        ]
-        parts.append(_table(("law", "parameters", "AICc", "BIC"), rows))
-    parts += [_image(name, images) for name in images if not name.startswith("profiles-")]
-    for one in report.laws:
-        modulus, unit = with_prefix(one.material.shear_modulus_0, "Pa")
-        parts.append(f"<h2>{one.choice.name}</h2><p>Shear modulus at small strain {modulus} {unit}.</p>")
-        parts.append(_table(("parameter", "value", "unit", "95 % interval"), parameter_rows(one)))
-        if correlations := correlation_rows(one):
-            width = max(map(len, correlations))
-            heads = ["correlation", *(p.name for p in one.fit.free[: width - 1])]
-            parts.append(_table(heads, [[*row, *[""] * (width - len(row))] for row in correlations]))
-        parts.append(_table(("residuals", "rms", "mean", "largest", "keep together over"), residual_rows(one)))
-        parts.append(_list(one.warnings, "w"))
-        said = (one.material.remark, *one.judgement.notes, *unseen(one.fit), *one.verdict.notes)
-        parts.append(_list([text for text in said if text]))
-        parts.append(_image(f"profiles-{one.choice.name}.png", images))
-    return PAGE.format(viewport=VIEWPORT, style=RULES, body="\n".join(part for part in parts if part))
+    sources = {name: data_uri(data, "image/png") for name, data in images.items()}
+    ranked = [
+        (one.fit.label, str(len(one.fit.free)), f"+{one.aicc:.4g}", f"{one.bic:+.4g}") for one in report.comparison.ranked
+    ] if len(report.laws) > 1 else []  # fmt: skip
+    return render(
+        "fit.html", "softmodels.pictures", title="Fitted material", verdict=report.verdict,
+        unsound="" if report.chosen.sound else report.chosen.warnings[0],
+        separate=report.separate.sentences if report.separate else (), remarks=[*report.ranges, report.how],
+        ranked=ranked, pictures=[(name, source) for name, source in sources.items() if not name.startswith("profiles-")],
+        laws=[_law(one, sources) for one in report.laws],
+    )  # fmt: skip
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["<tr>" + "".join(f"<th>{html.escape(cell)}</th>" for cell in head) + "</tr>"]
-    lines += ["<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows]
-    return wide(f"<table>{''.join(lines)}</table>")
-
-
-def _list(texts: Sequence[str], style: str = "") -> str:
-    mark = f" class={style}" if style else ""
-    return f"<ul{mark}>{''.join(f'<li>{html.escape(text)}</li>' for text in texts)}</ul>" if texts else ""
-
-
-def _image(name: str, images: dict[str, bytes]) -> str:
-    if name not in images:
-        return ""
-    data = base64.b64encode(images[name]).decode()
-    return f'<img alt="{html.escape(name)}" src="data:image/png;base64,{data}">'
+def _law(one: FittedLaw, sources: dict[str, str]) -> dict[str, object]:
+    """What the page shows of one law."""
+    correlations = correlation_rows(one)
+    width = max(map(len, correlations), default=0)
+    told = (one.material.remark, *one.judgement.notes, *unseen(one.fit), *one.verdict.notes)
+    return {
+        "name": one.choice.name, "modulus": " ".join(with_prefix(one.material.shear_modulus_0, "Pa")),
+        "parameters": parameter_rows(one), "residuals": residual_rows(one),
+        "correlated": ["correlation", *(p.name for p in one.fit.free[: max(width - 1, 0)])],
+        "correlations": [[*row, *[""] * (width - len(row))] for row in correlations],
+        "warnings": one.warnings, "remarks": [text for text in told if text],
+        "profiles": sources.get(f"profiles-{one.choice.name}.png", ""),
+    }  # fmt: skip

@@ -5,18 +5,18 @@ Pictures, film, curves and the 3-D view are inside the file. Whatever columns ``
 
 from __future__ import annotations
 
-import base64
-import html
 import io
 import json
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+from markupsafe import Markup
+from matplotlib.figure import Figure
 from PIL import Image as Picture
 
+from measurement.page import data_uri, image_uri, render
 from softmodels.pictures import plots, program_plots
 from softmodels.pictures.pages import STYLE, load
 from softmodels.pictures.report_case import case_tables
@@ -57,26 +57,17 @@ def write(look: Look, folder: Path, name: str) -> Path:
     """
     states = look.states
     told = summary(folder)
-    parts = [
-        f"<h1>{html.escape(name)}</h1>",
-        f'<p class="lead">{html.escape(ending(states, told))}</p>',
-        _warnings(told["notes"] if "notes" in told else notes_of(states.case, states.rows)),
-        '<h2 class="screen">In 3-D</h2>', view(look),
-        "<h2>The path</h2>", _curves(states), _contact(states),
-        _requested(states),
-        "<h2>Pictures</h2>", *(_picture(folder / stem, text) for stem, text in CAPTIONS.items()),
-        "<h2>The case</h2>", case_tables(states),
-        "<h2>What to know</h2>", _notes(states),
-        "<h2>What the columns are</h2>", _glossary(states),
-        "<details><summary>All steps</summary>", _table(states.rows, states.rows, states), "</details>",
-        f"<details><summary>case.toml</summary><pre>{html.escape(states.case.to_toml())}</pre></details>",
-    ]  # fmt: skip
-    style = resources.files("softmodels.pictures.draw").joinpath("report.css").read_text()
-    page = (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(name)}</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
-        f"<style>{style}</style></head><body><main>\n" + "\n".join(parts) + "\n</main></body></html>\n"
-    )
+    asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
+    terms = [(name, term(name, states.actuator)) for name in states.rows[0]]
+    page = render(
+        "report.html", "softmodels.pictures", title=name, ending=ending(states, told),
+        warnings=told["notes"] if "notes" in told else notes_of(states.case, states.rows),
+        view=view(look), curves=_curves(states), contact=_contact(states),
+        requested=_lines(asked, states), every=_lines(states.rows, states),
+        pictures=[(_source(folder / file), text) for file, text in CAPTIONS.items() if (folder / file).exists()],
+        case=case_tables(states), notes=_notes(states), toml=states.case.to_toml(),
+        columns=[(name, meaning) for name, meaning in terms if meaning.text],
+    )  # fmt: skip
     write_text(folder / REPORT, page)
     return folder / REPORT
 
@@ -111,32 +102,23 @@ def ending(states: States, told: dict[str, Any]) -> str:
     return f"{start}: {told.get('message', '')}. {reached}."
 
 
-def _warnings(notes: Sequence[str]) -> str:
-    """What the run warned of, where nobody overlooks it."""
-    if not notes:
-        return ""
-    lines = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
-    return f'<section class="warn"><p>The run warned:</p><ul>{lines}</ul></section>'
-
-
 def _taker(row: Row) -> str:
     return "the cavities have together" if len(cavity_columns(row, "added_volume", "ml")) > 1 else "the cavity has"
 
 
-def _curves(states: States) -> str:
+def _curves(states: States) -> list[Markup]:
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         rows, gauge = states.rows, states.actuator.gauge
         if states.case.program:
-            return f'<figure class="wide">{_svg(program_plots.steps(rows, gauge))}</figure>'
-        found = [f"<figure>{_svg(figure)}</figure>" for figure in plots.curves(rows, gauge, states.branch)]
-        return f'<div class="curves">{"".join(found)}</div>'
+            return [_svg(program_plots.steps(rows, gauge))]
+        return [_svg(figure) for figure in plots.curves(rows, gauge, states.branch)]
 
 
-def _svg(figure: Any) -> str:
+def _svg(figure: Figure) -> Markup:
     stream = io.StringIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = stream.getvalue()
-    return text[text.index("<svg") :]
+    return Markup(text[text.index("<svg") :])
 
 
 def _contact(states: States) -> str:
@@ -147,72 +129,47 @@ def _contact(states: States) -> str:
     text = f"The rigid plane {obstacle.plane} stops {obstacle.faces} without friction (red in the pictures)."
     pressed = [row for row in states.rows if row.get("contact_force_N", 0.0) > ROUNDING]
     if not pressed:
-        return f"<p>{html.escape(text)} Nothing reached it.</p>"
+        return f"{text} Nothing reached it."
     first, row = pressed[0], states.rows[states.main]
     text += (
         f" The device pressed on it from the state at {load(first)} on; at {load(row)} with {row['contact_force_N']:.4g} N, "
         f"sunk in by {row['contact_depth_mm']:.2g} mm."
     )
-    return f"<p>{html.escape(text)}</p>"
+    return text
 
 
-def _requested(states: States) -> str:
-    asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
-    return f"<h2>Requested values</h2>{_table(asked, states.rows, states)}"
-
-
-def _table(rows: Sequence[Row], every: Sequence[Row], states: States) -> str:
-    """Rows of ``path.csv`` side by side: one line per column of the file. The exact value is each cell's title."""
-    lines = []
-    for name in (name for name in every[0] if name != "requested"):
-        cells = "".join(
-            f'<td title="{html.escape(str(cells.get(name, "")))}">{_shown(cells.get(name))}</td>'
-            for cells in (row.cells for row in rows)
-        )
-        meaning = term(name, states.actuator)
-        lines.append(f'<tr><th title="{html.escape(meaning.text)}">{html.escape(str(meaning))}</th>{cells}</tr>')
-    return f'<div class="wide"><table class="path">{"".join(lines)}</table></div>'
-
-
-def _glossary(states: States) -> str:
-    """What each column of the tables is."""
-    lines = []
-    for name in states.rows[0]:
-        if (meaning := term(name, states.actuator)).text:
-            lines.append(
-                f"<dt>{html.escape(str(meaning))} <code>{html.escape(name)}</code></dt>"
-                f"<dd>{html.escape(meaning.text)}</dd>"
-            )
-    return f"<dl>{''.join(lines)}</dl>"
+def _lines(rows: Sequence[Row], states: States) -> list[dict[str, object]]:
+    """Rows of ``path.csv`` side by side: one line per column of the file, with the exact and the shown values."""
+    return [
+        {
+            "term": term(name, states.actuator),
+            "cells": [(row.cells.get(name, ""), _shown(row.cells.get(name))) for row in rows],
+        }
+        for name in states.rows[0]
+        if name != "requested"
+    ]
 
 
 def _shown(value: Cell) -> str:
     if isinstance(value, float):
         return f"{value:.6g}" if abs(value) > ROUNDING else "0"
-    return html.escape("" if value is None else str(value))
+    return "" if value is None else str(value)
 
 
-def _picture(path: Path, text: str) -> str:
-    if not path.exists():
-        return ""
+def _source(path: Path) -> str:
+    """A picture for the page, no wider than `WIDEST`."""
     if path.suffix == ".webp":
-        return _figure("image/webp", path.read_bytes(), text)
+        return image_uri(path)
     with Picture.open(path) as image:
         small = image.convert("RGB")
         if small.width > WIDEST:
             small = small.resize((WIDEST, round(small.height * WIDEST / small.width)), Picture.Resampling.LANCZOS)
         stream = io.BytesIO()
         small.save(stream, "WEBP", quality=88, method=4)
-    return _figure("image/webp", stream.getvalue(), text)
+    return data_uri(stream.getvalue(), "image/webp")
 
 
-def _figure(kind: str, data: bytes, text: str) -> str:
-    source = f"data:{kind};base64,{base64.b64encode(data).decode()}"
-    words = html.escape(text)
-    return f'<figure><img src="{source}" alt="{words}" loading="lazy"><figcaption>{words}</figcaption></figure>'
-
-
-def _notes(states: States) -> str:
+def _notes(states: States) -> list[str]:
     """What a reader has to know before trusting a number."""
     actuator = states.actuator
     notes = [stability_text(states.rows, actuator, states.branch)]
@@ -233,4 +190,4 @@ def _notes(states: States) -> str:
         "the largest stress and stretch converge only at rounded corners; at sharp ones they grow with a finer mesh"
     )
     notes.append(left_out(states.case))
-    return "<ul>" + "".join(f"<li>{html.escape(note)}</li>" for note in notes if note) + "</ul>"
+    return [note for note in notes if note]

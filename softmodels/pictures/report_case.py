@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import html
-from typing import Any
+from collections.abc import Sequence
 
 from geometries import table as geometry_table
 from geometries.fields import about
@@ -12,13 +11,16 @@ from measurement.units import readable
 from softmodels.case import material_table, supply_table
 from softmodels.results.stored import States
 
-
-def case_tables(states: States) -> str:
-    """All tables of a case, as HTML."""
-    return _device(states) + _material(states) + _load(states)
+Table = tuple[str, list[tuple[str, str, str]]]
+"""A heading, and for each parameter its name, its value and what it is."""
 
 
-def _device(states: States) -> str:
+def case_tables(states: States) -> list[Table]:
+    """All tables of a case."""
+    return [_device(states), _material(states), _load(states)]
+
+
+def _device(states: States) -> Table:
     device = states.actuator
     table = geometry_table.to_table(device, readable)
     fields = about(device)
@@ -26,7 +28,7 @@ def _device(states: States) -> str:
     return _parameters(f"Device: {type(device).__name__}", rows)
 
 
-def _material(states: States) -> str:
+def _material(states: States) -> Table:
     material = states.case.material
     table = material_table.to_table(material, readable)
     texts = {field.name: field.metadata["help"] for field in dataclasses.fields(material)}
@@ -37,7 +39,7 @@ def _material(states: States) -> str:
     )
 
 
-def _load(states: States) -> str:
+def _load(states: States) -> Table:
     case = states.case
     asked = [
         ({"pressure": "pressures", "volume": "added volumes"}.get(case.quantity, "strokes"), case.values, case.unit)
@@ -68,15 +70,11 @@ def _load(states: States) -> str:
     return _parameters("Load and solver", rows)
 
 
-def _parameters(title: str, rows: list[tuple[str, Any, str]]) -> str:
-    def text(value: Any) -> str:
-        if isinstance(value, list | tuple):
-            return ", ".join(map(text, value))
-        return f"{value:.6g}" if isinstance(value, float) else str(value)
+def _parameters(title: str, rows: Sequence[tuple[str, object, str]]) -> Table:
+    return title, [(name.replace("_", " "), _text(value), words) for name, value, words in rows]
 
-    lines = "".join(
-        f"<tr><th>{html.escape(name.replace('_', ' '))}</th><td>{html.escape(text(value))}</td>"
-        f"<td>{html.escape(words)}</td></tr>"
-        for name, value, words in rows
-    )
-    return f'<h3>{html.escape(title)}</h3><div class="wide"><table>{lines}</table></div>'
+
+def _text(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_text, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

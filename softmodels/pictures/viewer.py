@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import base64
 import gzip
-import html
 import json
-from importlib import resources
 from typing import Any
 
 import matplotlib
 import numpy as np
 import numpy.typing as npt
+from markupsafe import Markup
 
 from softmodels.pictures.pages import COLOURS, Scale, headline
 from softmodels.pictures.views import Look
@@ -29,38 +28,17 @@ VALUES = 2_500_000
 FULL = 65535
 
 
-def view(look: Look) -> str:
-    """HTML of the view: controls, data and program."""
+def view(look: Look) -> dict[str, object]:
+    """What the template ``web_view.html`` shows: the controls' ranges, the data and their description."""
     states = look.states
     steps = _steps(states)
     meta, data = packed(look, steps)
-    names = "".join(f'<option value="{k}">{field["what"]}</option>' for k, field in enumerate(meta["fields"]))
-    axial = states.actuator.axial
-    axes = "".join(
-        f'<option value="{k}"{" selected" if axial and k == 1 else ""}>cut across {axis}</option>'
-        for k, axis in enumerate("xyz")
-    )
-    place = json.dumps(meta).replace("</", "<\\/")
-    gradient = ",".join(f"rgb({r},{g},{b})" for r, g, b in meta["colours"][::8])
-    program = resources.files("softmodels.pictures.draw").joinpath("viewer.js").read_text()
-    return f"""<div id="viewer">
-<div class="bar"><span id="viewer-label"></span><span class="colours"><span id="viewer-what"></span>
-<span id="viewer-low"></span>
-<i style="background:linear-gradient(to right,{gradient})"><b id="viewer-middle"></b></i>
-<span id="viewer-top"></span></span></div>
-<canvas id="viewer-canvas"></canvas>
-<div class="bar"><button id="viewer-play">▶ play</button>
-<input id="viewer-step" type="range" min="0" max="{len(steps) - 1}" value="{steps.index(states.main)}" aria-label="step">
-<select id="viewer-field" aria-label="field">{names}</select>
-<label><input id="viewer-through" type="checkbox"> see through</label>
-<select id="viewer-axis" aria-label="cut"><option value="-1">no cut</option>{axes}</select>
-<input id="viewer-cut" type="range" min="0" max="1" step="0.005" value="0.5" aria-label="place of the cut">
-<button id="viewer-reset">reset view</button></div>
-<p id="viewer-note" class="note">Drag turns, the wheel zooms, shift and drag moves. {html.escape(_left_out(states, steps))}</p>
-<script type="application/json" id="viewer-meta">{place}</script>
-<script type="text/plain" id="viewer-data">{base64.b64encode(data).decode()}</script>
-<script>{program}</script>
-</div>"""
+    return {
+        "last": len(steps) - 1, "begin": steps.index(states.main), "axial": states.actuator.axial,
+        "fields": [field["what"] for field in meta["fields"]], "left_out": _left_out(states, steps),
+        "gradient": ",".join(f"rgb({r},{g},{b})" for r, g, b in meta["colours"][::8]),
+        "meta": Markup(json.dumps(meta).replace("</", "<\\/")), "data": base64.b64encode(data).decode(),
+    }  # fmt: skip
 
 
 def _steps(states: States) -> list[int]:

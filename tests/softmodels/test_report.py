@@ -152,8 +152,8 @@ def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):
     states = States(wedge, "disk")
     from softmodels.pictures.viewer import view
 
-    text = view(look(states))
-    kept = [step["step"] for step in json.loads(Page(text).texts["viewer-meta"])["steps"]]
+    shown = view(look(states))
+    kept = [step["step"] for step in json.loads(shown["meta"])["steps"]]
     assert kept == [0, 2, 3, 5]  # the requested ones, first and last
-    assert "2 of 6 steps are left out" in text
+    assert "2 of 6 steps are left out" in shown["left_out"]
     assert packed(look(states), [0, 5])[0]["steps"][1]["label"].startswith("110 cm")

@@ -11,9 +11,8 @@ import pytest
 from PIL import Image
 
 from geometries import HollowDisk, SeminarActuator
-from measurement.page_style import RULES, VIEWPORT
-from measurement.series import overview as measured
-from softmodels.pictures import fit_pictures, report
+from measurement.page import render
+from softmodels.pictures import report
 from softmodels.pictures.views import look
 from softmodels.results.columns import term
 from softmodels.results.stored import States
@@ -103,12 +102,16 @@ def test_every_column_is_explained_with_its_unit(pressed, stretched):
         assert term(column, slab).text, column
 
 
+ROW = ("kind", "name", "pressure", "height", "points", "remark")
+
+
 def test_pages_of_fits_and_photographs_fit_a_phone_and_paper():
-    filled = measured.PAGE.format(viewport=VIEWPORT, style=RULES, summary="", rows="", pictures="", photos="")
-    for text in (
-        filled,
-        fit_pictures.PAGE.format(viewport=VIEWPORT, style=RULES, body=fit_pictures._table(("a",), [("b",)])),
-    ):
+    photographs = render("overview.html", title="", summary="", rows=[], pictures=[], photos=[("<b>", "data:,")])
+    assert 'alt="&lt;b&gt;"' in photographs
+    fit = (resources.files("softmodels.pictures") / "templates" / "fit.html").read_text()
+    assert '{% extends "base.html" %}' in fit and "{{ table(" in fit and "<table" not in fit
+    table = render("overview.html", title="", summary="", rows=[dict.fromkeys(ROW, "")], pictures=[], photos=[])
+    for text in (photographs, table):
         assert 'name="viewport" content="width=device-width' in text and "@media print" in text
         assert re.search(r"img\{max-width:100%", text) and re.search(r"\.wide\{[^}]*overflow-x:auto", text)
         assert all(text[: found.start()].endswith('<div class="wide">') for found in re.finditer(r"<table", text))
@@ -117,7 +120,7 @@ def test_pages_of_fits_and_photographs_fit_a_phone_and_paper():
 def test_the_page_fits_a_phone_and_paper(pressed):
     text = page(pressed)
     assert 'name="viewport" content="width=device-width' in text
-    style = resources.files("softmodels.pictures").joinpath("report.css").read_text()
+    style = resources.files("softmodels.pictures").joinpath("templates/report.css").read_text()
     assert style in text
     for rule in (
         r"img\{max-width:100%",
