@@ -10,10 +10,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import OptimizeResult
 
 from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Problem, Residuals
 from softmodels.fitting.result import LeastSquaresFit, StartResult
@@ -71,7 +71,7 @@ def fit_parameters(
     _check(sources, parameters, loss, errors)
     problem = Problem(sources, parameters, loss)
     runs: list[StartResult] = []
-    best: Any = None
+    best: OptimizeResult | None = None
     for x in _starting_points(problem.free, starts):
         try:
             first = problem.residuals(x)
@@ -94,7 +94,9 @@ def fit_parameters(
         raise FitError(f"the fit ended where its model has no answer: {error}") from None
 
 
-def _judge(problem: Problem, found: Any, runs: list[StartResult], errors: str, label: str) -> LeastSquaresFit:
+def _judge(
+    problem: Problem, found: OptimizeResult, runs: list[StartResult], errors: str, label: str
+) -> LeastSquaresFit:
     """The result with everything that speaks against it."""
     values = problem.values(found.x)
     residuals = problem.residuals(found.x)

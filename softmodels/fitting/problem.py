@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from softmodels.fitting.residual_groups import Rows
 
@@ -108,14 +108,14 @@ class Parameter:
         new["answers"] = (*new["answers"], *(change[end] for end in ("lower", "upper") if end in change))
         return Parameter(**new)
 
-    def inward(self, value: Any) -> Any:
+    def inward(self, value: float) -> float:
         """The fit's own coordinate of a value."""
         with np.errstate(divide="ignore"):
-            return np.log(abs(value)) if self.logarithmic else value / self.scale
+            return float(np.log(abs(value))) if self.logarithmic else value / self.scale
 
-    def outward(self, x: Any) -> Any:
+    def outward(self, x: float) -> float:
         """The value at a coordinate, within the bounds."""
-        value = math.copysign(np.exp(x), self.start) if self.logarithmic else x * self.scale
+        value = math.copysign(float(np.exp(x)), self.start) if self.logarithmic else x * self.scale
         return min(max(value, self.lower), self.upper)
 
     def rate(self, value: float) -> float:
@@ -189,12 +189,12 @@ class Problem:
         self.evaluations = 0
         self.count = 0  # residuals, known after the first evaluation
 
-    def values(self, x: Any) -> dict[str, float]:
+    def values(self, x: Array) -> dict[str, float]:
         values = {p.name: float(p.start) for p in self.parameters if p.fixed}
         values.update({p.name: float(p.outward(c)) for p, c in zip(self.free, x, strict=True)})
         return {p.name: values[p.name] for p in self.parameters}
 
-    def residuals(self, x: Any) -> Array:
+    def residuals(self, x: Array) -> Array:
         """All residuals, the priors' last; nan where a source has no answer."""
         values = self.values(x)
         self.evaluations += 1
@@ -208,7 +208,7 @@ class Problem:
         self.count = len(rows)
         return rows
 
-    def jacobian(self, x: Any) -> Array:
+    def jacobian(self, x: Array) -> Array:
         values = self.values(x)
         return self.slopes(values)[0] * np.array([p.rate(values[p.name]) for p in self.free])
 
@@ -238,7 +238,7 @@ class Problem:
     def _prior_residuals(self, values: Mapping[str, float]) -> Array:
         return np.array([(values[p.name] - p.prior.mean) / p.prior.error for p in self.free if p.prior])
 
-    def solve(self, x: Array, tolerance: float, most: int) -> Any:
+    def solve(self, x: Array, tolerance: float, most: int) -> OptimizeResult:
         """Run scipy's trust-region method from ``x``, whose residuals must be numbers."""
         priors = sum(p.prior is not None for p in self.free)
         bounds = np.sort([[p.inward(p.lower), p.inward(p.upper)] for p in self.free]).T

@@ -7,7 +7,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,12 @@ from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.materials.material import Material
 from softmodels.materials.specimens import respond
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from measurement.outline.outline import Outline
+    from softmodels.case.case import Case
 
 Array = npt.NDArray[np.float64]
 
@@ -76,7 +82,7 @@ def score_curve(name: str, material: Material, curve: TensileCurve, error: Stres
     )
 
 
-def score_outlines(name: str, material: Material, case: Any, outlines: Sequence[Any], comm: Any) -> Score:
+def score_outlines(name: str, material: Material, case: Case, outlines: Sequence[Outline], comm: MPI.Comm) -> Score:
     """Hold a material against outlines of a device: the law as it is, what the bench may have got wrong fitted along.
 
     Args:

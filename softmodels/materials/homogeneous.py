@@ -9,13 +9,12 @@ unit of the law's parameters (Pa); beyond a stretch that the law does not allow 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.materials.material import Material
-from softmodels.materials.strain import HomogeneousStrain
+from softmodels.materials.strain import Expression, HomogeneousStrain
 
 Array = npt.NDArray[np.float64]
 _STEP = 1e-30  # so small that its square vanishes beside 1: the difference quotient has no error of its own
@@ -28,24 +27,24 @@ MODES: dict[str, tuple[tuple[float, float, float], int]] = {
 """Tests of an incompressible specimen: principal stretches as powers of the imposed one, and how many sides are pulled."""
 
 
-def energy_slope(material: Material, stretch: Any, mode: str) -> Array:
+def energy_slope(material: Material, stretch: npt.ArrayLike, mode: str) -> Array:
     """Rise dW/d(stretch) in Pa of the energy along one of `MODES`; the shape follows ``stretch``."""
     powers = MODES[mode][0]
     stretch = np.asarray(stretch, dtype=float)
 
-    def energy(x: Any) -> Any:
+    def energy(x: Expression) -> Expression:
         return material.shape(HomogeneousStrain((x ** powers[0], x ** powers[1], x ** powers[2])), material)
 
     return _slope(energy, stretch)
 
 
-def _slope(energy: Callable[[Any], Any], x: Array) -> Array:
+def _slope(energy: Callable[[Expression], Expression], x: Array) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         # A logarithm of a negative number is nan in reals only; as a complex number it would pass for a stress.
         return np.where(np.isfinite(energy(x)), np.imag(energy(x + 1j * _STEP)) / _STEP, np.nan)
 
 
-def nominal_stress(material: Material, stretch: Any, mode: str = "uniaxial") -> Array:
+def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial") -> Array:
     """Force per undeformed area on a side that is pulled, incompressible.
 
     Args:
@@ -61,7 +60,7 @@ def nominal_stress(material: Material, stretch: Any, mode: str = "uniaxial") -> 
     return energy_slope(material, stretch, mode) / MODES[mode][1]
 
 
-def uniaxial_compressible(material: Material, stretch: Any) -> tuple[Array, Array]:
+def uniaxial_compressible(material: Material, stretch: npt.ArrayLike) -> tuple[Array, Array]:
     """Uniaxial tension of a law with its own bulk; at ``poisson = 0.5`` the incompressible result.
 
     Args:
@@ -94,7 +93,7 @@ def uniaxial_compressible(material: Material, stretch: Any) -> tuple[Array, Arra
     return _slope(lambda x: material.energy(HomogeneousStrain((x, sides, sides))), stretch), sides
 
 
-def balloon_pressure(material: Material, stretch: Any, thickness_over_radius: float) -> Array:
+def balloon_pressure(material: Material, stretch: npt.ArrayLike, thickness_over_radius: float) -> Array:
     """Pressure in Pa in a thin spherical balloon: P = (t/R) W'(stretch) / stretch^2, W of equibiaxial tension.
 
     The work P dv on the volume 4/3 pi (stretch R)^3 is the rise of the energy of the volume 4 pi R^2 t. Terms of the order
@@ -119,7 +118,7 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
     """
     from scipy.optimize import brentq
 
-    def rise(stretch: Any, h: float = 1e-3) -> Any:
+    def rise(stretch: Array | float, h: float = 1e-3) -> Array:
         near, far = (
             balloon_pressure(material, stretch + d, 1.0) - balloon_pressure(material, stretch - d, 1.0)
             for d in (h, 2 * h)
@@ -134,7 +133,7 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
     return stretch, float(balloon_pressure(material, stretch, thickness_over_radius))
 
 
-def sphere_pressure(material: Material, inner: float, outer: float, inner_stretch: Any) -> Array:
+def sphere_pressure(material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike) -> Array:
     """Pressure in Pa inside a thick-walled incompressible sphere, none outside.
 
     P = int W'(l) / (l^3 - 1) dl from the outer wall's stretch to the inner wall's (Ogden 1984, Non-linear Elastic
@@ -150,7 +149,7 @@ def sphere_pressure(material: Material, inner: float, outer: float, inner_stretc
     return _wall_pressure(material, inner, outer, inner_stretch, "equibiaxial", 3)
 
 
-def tube_pressure(material: Material, inner: float, outer: float, inner_stretch: Any) -> Array:
+def tube_pressure(material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike) -> Array:
     """Pressure in Pa inside a thick-walled incompressible tube that keeps its length, none outside.
 
     P = int W'(l) / (l^2 - 1) dl, W of planar tension (Ogden 1984, section 5.3.3 at axial stretch 1); see `sphere_pressure`,
@@ -159,7 +158,9 @@ def tube_pressure(material: Material, inner: float, outer: float, inner_stretch:
     return _wall_pressure(material, inner, outer, inner_stretch, "planar", 2)
 
 
-def _wall_pressure(material: Material, inner: float, outer: float, inner_stretch: Any, mode: str, power: int) -> Array:
+def _wall_pressure(
+    material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike, mode: str, power: int
+) -> Array:
     """Equilibrium through a wall in which stretch^power - 1 falls as 1 / R^power, as incompressibility has it."""
     from scipy.integrate import quad
 

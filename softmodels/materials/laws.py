@@ -10,19 +10,20 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from softmodels.materials.material import (
     LAWS,
     Material,
     MaterialError,
+    Parameters,
     Values,
     parameter,
     poissons_ratio,
     register,
 )
 from softmodels.materials.quantities import with_prefix
-from softmodels.materials.strain import StrainMeasures
+from softmodels.materials.strain import Expression, StrainMeasures
 
 __all__ = ["LAWS", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh"]
 
@@ -51,7 +52,7 @@ class NeoHookean(Material):
     poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     @staticmethod
-    def shape(strain: StrainMeasures, m: Any) -> Any:
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
         return m.shear_modulus / 2 * (strain.I1 - 3) - m.shear_modulus * strain.log(strain.J)
 
     @property
@@ -104,7 +105,7 @@ class MooneyRivlin(Material):
     poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     @staticmethod
-    def shape(strain: StrainMeasures, m: Any) -> Any:
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
         return m.c10 * (strain.I1_bar - 3) + m.c01 * (strain.I2_bar - 3)
 
     @property
@@ -129,7 +130,7 @@ class Yeoh(Material):
     poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     @staticmethod
-    def shape(strain: StrainMeasures, m: Any) -> Any:
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
         k = strain.I1_bar - 3
         return m.c1 * k + m.c2 * k**2 + m.c3 * k**3
 
@@ -176,7 +177,7 @@ class Ogden(Material):
             raise MaterialError("ogden: an exponent alpha is zero")
 
     @staticmethod
-    def shape(strain: StrainMeasures, m: Any) -> Any:
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
         a, b, c = strain.stretches_bar
         return sum(
             m.mu[i] / m.alpha[i] * (a ** m.alpha[i] + b ** m.alpha[i] + c ** m.alpha[i] - 3) for i in _terms(m.mu)
@@ -219,7 +220,7 @@ class Ogden(Material):
         return cls(tuple(2 * m / a for m, a in zip(mu, alpha, strict=True)), tuple(alpha), poisson)
 
 
-def _terms(values: Any) -> range:
+def _terms(values: Expression) -> range:
     shape = getattr(values, "ufl_shape", None)
     return range(shape[0] if shape else len(values))
 
@@ -239,7 +240,7 @@ class Gent(Material):
             raise MaterialError(f"gent: limit = {self.limit:g}; it must be above zero")
 
     @staticmethod
-    def shape(strain: StrainMeasures, m: Any) -> Any:
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
         return -m.shear_modulus / 2 * m.limit * strain.log(1 - (strain.I1_bar - 3) / m.limit)
 
     @property

@@ -14,10 +14,14 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from softmodels.materials.strain import StrainMeasures
+from softmodels.materials.strain import Expression, StrainMeasures
 
 Values = Mapping[str, Any]
 """Numbers by the names of a law's fields; tuples of numbers for fields that have one for each term."""
+
+
+Parameters = Any
+"""Carries a law's parameters by name: a material (numbers), or UFL constants, so that new values compile nothing."""
 
 
 class MaterialError(ValueError):
@@ -99,12 +103,12 @@ class Material:
         """Raise `MaterialError` for parameters this law cannot take."""
 
     @staticmethod
-    def shape(strain: StrainMeasures, m: Any) -> Any:
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
         """Energy of the change of shape in Pa.
 
         Args:
             strain: Measures of strain, in numpy or UFL.
-            m: Carries the parameters by name: a material (numbers), or UFL constants, so that new values compile nothing.
+            m: The parameters by name.
         """
         raise NotImplementedError
 
@@ -124,7 +128,7 @@ class Material:
             return math.inf
         return 2 * self.shear_modulus_0 * (1 + self.poisson) / (3 * (1 - 2 * self.poisson))
 
-    def energy(self, strain: StrainMeasures) -> Any:
+    def energy(self, strain: StrainMeasures) -> Expression:
         """Energy in Pa of a compressible deformation. With an infinite bulk only J = 1 has one, and it is the shape's."""
         shape = self.shape(strain, self)
         return shape if math.isinf(self.bulk) else shape + self.bulk / 2 * (strain.J - 1) ** 2

@@ -11,7 +11,6 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +18,7 @@ import numpy.typing as npt
 from softmodels.materials.dual import Dual, DualStrain
 from softmodels.materials.homogeneous import MODES
 from softmodels.materials.material import Material
+from softmodels.materials.strain import Expression
 
 Array = npt.NDArray[np.float64]
 _STEP = 1e-30  # so small that its square vanishes beside 1: the difference quotient has no error of its own
@@ -50,7 +50,9 @@ class Response:
             return self.by_stretch()
 
 
-def respond(material: Material, stretch: Any, mode: str = "uniaxial", parameters: Sequence[str] = ()) -> Response:
+def respond(
+    material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial", parameters: Sequence[str] = ()
+) -> Response:
     """Pull a specimen.
 
     Args:
@@ -68,7 +70,7 @@ def respond(material: Material, stretch: Any, mode: str = "uniaxial", parameters
         return _compressible(material, stretch, mode, parameters)
 
 
-def nudged(material: Material, name: str, by: complex) -> Any:
+def nudged(material: Material, name: str, by: complex) -> Material:
     """A copy with one number moved, perhaps into the complex plane, unchecked: only its energy may be asked for."""
     copy = object.__new__(type(material))
     for field in dataclasses.fields(material):
@@ -84,7 +86,7 @@ def nudged(material: Material, name: str, by: complex) -> Any:
 def _incompressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
     powers, sides = MODES[mode]
 
-    def slope(law: Any, at: Any) -> Any:
+    def slope(law: Material, at: Expression) -> Expression:
         x = Dual(at, np.ones_like(at))
         energy = law.shape(DualStrain((x ** powers[0], x ** powers[1], x ** powers[2])), law)
         return energy.slope / sides, energy.value
@@ -104,7 +106,7 @@ def _incompressible(material: Material, stretch: Array, mode: str, parameters: S
 def _compressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
     pulled = MODES[mode][1]
 
-    def slopes(law: Any, a: Any, s: Any) -> tuple[Any, Any]:
+    def slopes(law: Material, a: Expression, s: Expression) -> tuple[Expression, Expression]:
         """dW/da and dW/ds of the pulled and the free sides."""
         found = []
         for along_a in (1.0, 0.0):
@@ -120,7 +122,7 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     a, s = stretch.astype(complex), side.astype(complex)
     by_side = slopes(material, a, s + 1j * _STEP)
 
-    def follow(moved: tuple[Any, Any]) -> Array:
+    def follow(moved: tuple[Expression, Expression]) -> Array:
         """The whole slope: along with what is moved, the side moves so that it stays free of stress."""
         drift = -np.imag(moved[1]) / np.imag(by_side[1])
         total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / pulled + dead
@@ -130,7 +132,7 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     return Response(stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _STEP, s)))
 
 
-def _free_side(material: Material, slopes: Any, stretch: Array, mode: str) -> Array:
+def _free_side(material: Material, slopes: Expression, stretch: Array, mode: str) -> Array:
     """The stretch of the free sides at which dW/ds vanishes: Newton from the incompressible side, safeguarded.
 
     The energy rises on both sides of the root, so that signs of the slope bracket it and a step outside is halved back in.
@@ -152,11 +154,11 @@ def _free_side(material: Material, slopes: Any, stretch: Array, mode: str) -> Ar
     return side
 
 
-def _columns(columns: list[Any], stretch: Array) -> Array:
+def _columns(columns: list[Array], stretch: Array) -> Array:
     return np.stack(columns, axis=-1) if columns else np.empty((*stretch.shape, 0))
 
 
-def log_strain_stiffness(material: Material, stretch: Any, mode: str) -> tuple[Array, Array]:
+def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) -> tuple[Array, Array]:
     """Hessian of the incompressible energy in the logarithms of two principal stretches, the third following.
 
     It relates increments of Kirchhoff stress in a sheet to increments of logarithmic strain: Drucker's stability wants it
@@ -174,7 +176,7 @@ def log_strain_stiffness(material: Material, stretch: Any, mode: str) -> tuple[A
     e1, e2 = (np.log(stretch) * power for power in MODES[mode][0][:2])
     one, none = np.ones_like(stretch), np.zeros_like(stretch)
 
-    def gradient(a: Any, b: Any) -> tuple[Any, Any]:
+    def gradient(a: Expression, b: Expression) -> tuple[Expression, Expression]:
         found = []
         for da, db in ((one, none), (none, one)):
             l1, l2 = (Dual(np.exp(e), np.exp(e) * d) for e, d in ((a, da), (b, db)))
@@ -192,7 +194,7 @@ def log_strain_stiffness(material: Material, stretch: Any, mode: str) -> tuple[A
     return H, k
 
 
-def strain_of(mode: str, stretch: Any) -> Array:
+def strain_of(mode: str, stretch: npt.ArrayLike) -> Array:
     """I1 - 3 of an incompressible specimen, shape of ``stretch``."""
-    powers = MODES[mode][0]
+    powers, stretch = MODES[mode][0], np.asarray(stretch)
     return np.asarray(sum(stretch ** (2 * power) for power in powers) - 3)

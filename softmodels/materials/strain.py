@@ -12,6 +12,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
+Expression = Any
+"""What an energy computes with: UFL expressions (UFL has no types), numpy arrays or numbers, real or complex, or `Dual`."""
+
 
 class StrainMeasures(Protocol):
     """What an energy may ask of a deformation. All dimensionless.
@@ -26,33 +29,33 @@ class StrainMeasures(Protocol):
     """
 
     @property
-    def J(self) -> Any: ...
+    def J(self) -> Expression: ...
     @property
-    def I1(self) -> Any: ...
+    def I1(self) -> Expression: ...
     @property
-    def I2(self) -> Any: ...
+    def I2(self) -> Expression: ...
     @property
-    def I1_bar(self) -> Any: ...
+    def I1_bar(self) -> Expression: ...
     @property
-    def I2_bar(self) -> Any: ...
+    def I2_bar(self) -> Expression: ...
     @property
-    def stretches_bar(self) -> tuple[Any, Any, Any]: ...
-    def log(self, x: Any) -> Any: ...
+    def stretches_bar(self) -> tuple[Expression, Expression, Expression]: ...
+    def log(self, x: Expression) -> Expression: ...
 
 
 class Isochoric:
     """The invariants with the change of volume taken out, which are the same two lines in UFL and in numpy."""
 
-    J: Any
-    I1: Any
-    I2: Any
+    J: Expression
+    I1: Expression
+    I2: Expression
 
     @functools.cached_property
-    def I1_bar(self) -> Any:
+    def I1_bar(self) -> Expression:
         return self.J ** (-2 / 3) * self.I1
 
     @functools.cached_property
-    def I2_bar(self) -> Any:
+    def I2_bar(self) -> Expression:
         return self.J ** (-4 / 3) * self.I2
 
 
@@ -60,44 +63,44 @@ class Isochoric:
 class Strain(Isochoric):
     """Strain measures of a UFL deformation gradient ``F`` (3 x 3)."""
 
-    F: Any
+    F: Expression
 
     @functools.cached_property
-    def C(self) -> Any:
+    def C(self) -> Expression:
         return self.F.T * self.F
 
     @functools.cached_property
-    def J(self) -> Any:
+    def J(self) -> Expression:
         import ufl
 
         return ufl.det(self.F)
 
     @functools.cached_property
-    def I1(self) -> Any:
+    def I1(self) -> Expression:
         import ufl
 
         return ufl.tr(self.C)
 
     @functools.cached_property
-    def I2(self) -> Any:
+    def I2(self) -> Expression:
         import ufl
 
         return (self.I1**2 - ufl.inner(self.C, self.C)) / 2
 
     @functools.cached_property
-    def stretches_bar(self) -> tuple[Any, Any, Any]:
+    def stretches_bar(self) -> tuple[Expression, Expression, Expression]:
         import ufl
 
         return tuple(ufl.sqrt(value) for value in eigenvalues(self.J ** (-2 / 3) * self.C))  # type: ignore[return-value]
 
     @staticmethod
-    def log(x: Any) -> Any:
+    def log(x: Expression) -> Expression:
         import ufl
 
         return ufl.ln(x)
 
 
-def eigenvalues(A: Any, gap: float = 1e-4) -> tuple[Any, Any, Any]:
+def eigenvalues(A: Expression, gap: float = 1e-4) -> tuple[Expression, Expression, Expression]:
     """Eigenvalues of a symmetric 3 x 3 UFL tensor near the identity's size, differentiable where they coincide.
 
     The trigonometric closed form (Smith 1961, doi 10.1145/355578.366316) has no derivative at repeated eigenvalues, which
@@ -120,29 +123,29 @@ def eigenvalues(A: Any, gap: float = 1e-4) -> tuple[Any, Any, Any]:
 class HomogeneousStrain(Isochoric):
     """Strain measures of principal stretches given as numpy arrays of one shape (real or complex)."""
 
-    stretches: tuple[Any, Any, Any]
+    stretches: tuple[Expression, Expression, Expression]
 
     @functools.cached_property
-    def J(self) -> Any:
+    def J(self) -> Expression:
         a, b, c = self.stretches
         return a * b * c
 
     @functools.cached_property
-    def I1(self) -> Any:
+    def I1(self) -> Expression:
         a, b, c = self.stretches
         return a * a + b * b + c * c
 
     @functools.cached_property
-    def I2(self) -> Any:
+    def I2(self) -> Expression:
         a, b, c = self.stretches
         return (a * b) ** 2 + (b * c) ** 2 + (c * a) ** 2
 
     @functools.cached_property
-    def stretches_bar(self) -> tuple[Any, Any, Any]:
+    def stretches_bar(self) -> tuple[Expression, Expression, Expression]:
         scale = self.J ** (-1 / 3)
         a, b, c = self.stretches
         return scale * a, scale * b, scale * c
 
     @staticmethod
-    def log(x: Any) -> Any:
+    def log(x: Expression) -> Expression:
         return np.log(x)

@@ -7,18 +7,23 @@ gathered to all ranks, so that everything after that is plain numpy and the same
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.body import BodyError
+from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.mpi import everywhere
 from softmodels.mechanics.solver import Equilibrium
 from softmodels.mechanics.system import State
 from softmodels.results.grid import Grid, displacement_maps
 from softmodels.results.quadratic_curve import QuadraticCurve
+
+if TYPE_CHECKING:
+    from dolfinx import fem
+
+    from geometries import Actuator
 
 Array = npt.NDArray[np.float64]
 
@@ -101,7 +106,7 @@ class Silhouette:
         return float((self.points @ self._along).max())
 
 
-def _outer_edges(body: Any) -> npt.NDArray[np.int32]:
+def _outer_edges(body: Body) -> npt.NDArray[np.int32]:
     """Local edges of the outer curve: outer facets of a section; edges of both an outer and a cut facet of a slice."""
     dim = body.actuator.dimension
     roles = [role for role in (OUTER, *body.actuator.faces) if role in body.entities]
@@ -116,14 +121,14 @@ def _outer_edges(body: Any) -> npt.NDArray[np.int32]:
     topology.create_connectivity(2, 1)
     edges_of = topology.connectivity(2, 1)
 
-    def edges(found: Any) -> Any:
+    def edges(found: Sequence[int] | npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
         return np.unique(np.concatenate([edges_of.links(facet) for facet in found] or [np.empty(0, dtype=np.int32)]))
 
     plane = body.entities.get(body.actuator.cut_planes[0].name, (2, ()))[1]
     return np.intersect1d(edges(facets), edges(plane)).astype(np.int32)
 
 
-def _edge_nodes(eq: Any, space: Any, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+def _edge_nodes(eq: Equilibrium, space: fem.FunctionSpace, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """Local nodes of edges in a second-order space: both ends, then the middle; shape (m, 3)."""
     topology = eq.body.mesh.topology
     dim = topology.dim
@@ -139,7 +144,7 @@ def _edge_nodes(eq: Any, space: Any, edges: npt.NDArray[np.int32]) -> npt.NDArra
     return nodes
 
 
-def _sideways(actuator: Any) -> Array:
+def _sideways(actuator: Actuator) -> Array:
     """Unit vector of the outline's plane square to the lift, from the axis towards the slice."""
     if actuator.dimension == 2:
         return np.array([1.0, 0.0, 0.0])
@@ -151,8 +156,8 @@ def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.ND
     """Order of edges (m, 3, 3) from the axis at the top outwards, down to the underside, and which of them to turn."""
     keys = np.round(edges[:, :2] / size * 1e7).astype(np.int64)
     ends = [[tuple(end) for end in pair] for pair in keys.tolist()]
-    meeting: dict[Any, list[int]] = {}
-    seen: set[Any] = set()
+    meeting: dict[tuple[int, ...], list[int]] = {}
+    seen: set[frozenset[tuple[int, ...]]] = set()
     for i, pair in enumerate(ends):
         if frozenset(pair) in seen:  # another rank has this edge too
             continue
