@@ -10,7 +10,7 @@ import contextlib
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from geometries import GeometryError, MeshFileError, MeshingError
 from measurement.ending import bounded
@@ -30,90 +30,116 @@ from softmodels.runs.progress import Progress
 from softmodels.runs.recording import record
 from softmodels.runs.simulation import Simulation
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 
 def _nobody() -> contextlib.AbstractContextManager[Callable[[], bool]]:
     """Nobody asks to stop, but for exceptions."""
     return contextlib.nullcontext(bool)
 
 
-def run(
-    case: Case,
-    folder: Path | None,
-    *,
-    resume: bool = False,
-    quiet: bool = False,
-    petsc: Sequence[str] = (),
-    draw: bool = True,
-    branch: bool = False,
-    inputs: Sequence[Path] = (),
-    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = _nobody,
-) -> int:
+class How(TypedDict, total=False):
+    """How a case is run; nothing of it changes a number.
+
+    Attributes:
+        resume: Go on from what an interrupted run of the same case left in the folder.
+        quiet: Only errors are reported.
+        petsc: Words for PETSc's option database.
+        draw: Make the pictures at the end, which is the default.
+        branch: Follow the branch that leaves the path at its first bifurcation too, into the folder ``branch``.
+        inputs: Files that the user has given: they are never written.
+        interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
+            here, as a command does by `asked_to_stop`.
+    """
+
+    resume: bool
+    quiet: bool
+    petsc: Sequence[str]
+    draw: bool
+    branch: bool
+    inputs: Sequence[Path]
+    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]]
+
+
+def run(case: Case, folder: Path | None, **how: Unpack[How]) -> int:
     """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
+
+    May be called in any thread.
 
     Args:
         case: What to run.
         folder: Where the results go; None for the first of ``results/NAME``, ``results/NAME-2`` ... that is free or holds
             a run of this very case.
-        resume: Go on from what an interrupted run of the same case left there.
-        quiet: Only errors are said.
-        petsc: Words for PETSc's option database.
-        draw: Make the pictures at the end.
-        branch: Follow the branch that leaves the path at its first bifurcation too, into the folder ``branch``.
-        inputs: Files that the user has given: they are never written.
-        interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
-            here, as a command does by `asked_to_stop`; may be called in any thread.
+        how: See `How`.
 
     Raises:
         StartError: PETSc cannot take the words.
     """
+    petsc, quiet, draw = how.get("petsc", ()), how.get("quiet", False), how.get("draw", True)
     comm = start(petsc)
     abort_on_error(comm)
-    from petsc4py import PETSc
-
     results: Results | None = None
     progress = Progress(case.values[-1], case.unit, case.actuator.gauge, quiet or not is_root(comm))
     status, message = DONE, ""
     try:
-        with progress, interrupts() as stopped:
-            results, resumed = _begin(case, folder, resume, draw, inputs, comm)
+        with progress, how.get("interrupts", _nobody)() as stopped:
+            results, resumed = _begin(case, folder, how, comm)
             progress.say(f"results go to {results.own.path}")
-            record(Simulation(case, comm, progress, stopped), results, resumed, branch)
-    except RunError as error:
-        status, message = error.status, str(error)
-    except (
-        GaugeError, GeometryError, MeshFileError, MeshingError, CaseError, MaterialError, ObstacleError, ResultsError,
-        OwnFolderError, InUseError,
-    ) as error:  # fmt: skip
-        status, message = FAILED if isinstance(error, MeshingError) else BAD_INPUT, str(error)
-    except PETSc.Error as error:
+            record(Simulation(case, comm, progress, stopped), results, resumed, how.get("branch", False))
+    except BaseException as error:  # a caller's Ctrl-C among them
         # What PETSc refuses before anything is solved are the words it was given.
-        words = bool(petsc) and not on_root(comm, lambda: results and results.stored)
-        advice = (
-            "check the words after --"
-            if words
-            else "rerun with -- -snes_monitor -ksp_error_if_not_converged to see more"
-        )
-        status, message = BAD_INPUT if words else FAILED, f"PETSc stopped ({petsc_reason(error)}); {advice}"
-    except OSError as error:
-        advice = "make room for them" if error.errno in FULL else "see that they can"
-        status, message = FAILED, f"{_unwritten(error)}; {advice} and go on with --resume"
-    except MemoryError:
-        status, message = FAILED, NO_MEMORY
-    except BaseException:  # a caller's Ctrl-C among them
-        if results is not None and is_root(comm):
-            results.own.leave()
-        raise
+        ended = _outcome(error, lambda: bool(petsc) and not on_root(comm, lambda: results and results.stored))
+        if ended is None:
+            if results is not None and is_root(comm):
+                results.own.leave()
+            raise
+        status, message = ended
     return on_root(comm, lambda: _end(case, results, status, message, quiet, draw))
 
 
-def _begin(
-    case: Case, folder: Path | None, resume: bool, draw: bool, inputs: Sequence[Path], comm: Any
-) -> tuple[Results, bool]:
+def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str] | None:
+    """Exit status and sentence of what ended a run; None for what no run foresees.
+
+    Args:
+        error: What was raised.
+        words: Whether it was PETSc's words that PETSc refused; all ranks ask.
+    """
+    from petsc4py import PETSc
+
+    match error:
+        case RunError():
+            return error.status, str(error)
+        case MeshingError():
+            return FAILED, str(error)
+        case (
+            GaugeError() | GeometryError() | MeshFileError() | CaseError() | MaterialError() | ObstacleError()
+            | ResultsError() | OwnFolderError() | InUseError()
+        ):  # fmt: skip
+            return BAD_INPUT, str(error)
+        case PETSc.Error():
+            refused, reason = words(), petsc_reason(error)
+            more = "rerun with -- -snes_monitor -ksp_error_if_not_converged to see more"
+            return (
+                (BAD_INPUT, f"PETSc stopped ({reason}); check the words after --")
+                if refused
+                else (FAILED, f"PETSc stopped ({reason}); {more}")
+            )
+        case OSError():
+            advice = "make room for them" if error.errno in FULL else "see that they can"
+            return FAILED, f"{_unwritten(error)}; {advice} and go on with --resume"
+        case MemoryError():
+            return FAILED, NO_MEMORY
+    return None
+
+
+def _begin(case: Case, folder: Path | None, how: How, comm: MPI.Comm) -> tuple[Results, bool]:
     """The results on every rank (rank 0 alone writes them), and whether there are states to go on from."""
     begun: list[Results] = []
 
     def on_rank_0() -> tuple[Path, Path, bool]:
-        results, resumed = begin(case, folder, resume, draw, inputs)
+        resume, draw = how.get("resume", False), how.get("draw", True)
+        results, resumed = begin(case, folder, resume, draw, how.get("inputs", ()))
         begun.append(results)
         return results.own.path, results.folder, resumed
 

@@ -22,8 +22,9 @@ from softmodels.results.row import Row
 from softmodels.runs.progress import Progress
 from softmodels.runs.requests import Options, Values, case_of
 from softmodels.runs.run import Ended, Run
-from softmodels.runs.simulation import Listener, Silent, Simulation
+from softmodels.runs.simulation import Simulation
 from softmodels.runs.states import InFolder, InMemory
+from softmodels.runs.step import Listener, Silent
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.case.case import Case
@@ -13,8 +13,13 @@ from softmodels.results.columns import cavity_columns
 from softmodels.results.lost_path import advice
 from softmodels.results.row import Row
 
+if TYPE_CHECKING:
+    from softmodels.path.continuation import Continuation
+    from softmodels.path.points import PathEnd
+    from softmodels.results.fields import Fields
 
-def explain(case: Case, end: Any, fields: Any, path: Any, petsc: bool = False) -> str:
+
+def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc: bool = False) -> str:
     """Why the path ended, where, and what can be done about it; ``petsc`` is whether PETSc had options of its own."""
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
@@ -43,7 +48,7 @@ def explain(case: Case, end: Any, fields: Any, path: Any, petsc: bool = False) -
     )
 
 
-def explain_step(case: Case, end: Any, rows: Sequence[Row], come: float, petsc: bool = False) -> str:
+def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, petsc: bool = False) -> str:
     """The same of a program's step."""
     number = math.floor(come) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]

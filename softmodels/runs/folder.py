@@ -6,7 +6,6 @@ import hashlib
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from measurement.default_folder import numbered, take_default
 from measurement.output_place import FULL
@@ -187,5 +186,5 @@ def _digest(text: str) -> str:
 
 def mesh_is_known(results: Results, mesh: Path) -> bool:
     """Whether a mesh file is the one that the run has written: it may have been changed or damaged since."""
-    known: Any = results.own.about.get("mesh")
+    known = results.own.about.get("mesh")
     return mesh.is_file() and known == hashlib.sha256(mesh.read_bytes()).hexdigest()

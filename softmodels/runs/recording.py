@@ -14,7 +14,8 @@ from softmodels.results.stability_report import unlocated, unseen
 from softmodels.results.store import BRANCH, Results, write_text
 from softmodels.runs.folder import mesh_is_known
 from softmodels.runs.gathering import gather
-from softmodels.runs.simulation import FROM_REST, Begun, PathEnded, Simulation, Step
+from softmodels.runs.simulation import Simulation
+from softmodels.runs.step import FROM_REST, Begun, PathEnded, Step
 
 if TYPE_CHECKING:
     from mpi4py import MPI

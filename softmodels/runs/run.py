@@ -71,7 +71,7 @@ class Run:
     # -- the path as arrays -------------------------------------------------------------------------------------------
 
     @functools.cached_property
-    def path(self) -> dict[str, npt.NDArray[Any]]:
+    def path(self) -> dict[str, npt.NDArray[np.generic]]:
         """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it."""
         return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
 

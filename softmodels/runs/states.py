@@ -6,7 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,8 @@ from softmodels.results.row import Row
 from softmodels.results.store import RESTART, Results
 from softmodels.results.stored import States
 from softmodels.results.stored_step import KEPT
-from softmodels.runs.simulation import Simulation, Step
+from softmodels.runs.simulation import Simulation
+from softmodels.runs.step import Step
 
 if TYPE_CHECKING:
     from pyvista import UnstructuredGrid
@@ -50,7 +51,7 @@ class Source(Protocol):
     def fields(self, step: int) -> Mapping[str, Array]:
         """All nodal fields of a state, with what a restart needs where it is kept."""
 
-    def restart(self, step: int) -> Mapping[str, Any]:
+    def restart(self, step: int) -> Mapping[str, object]:
         """Numbers that a restart needs beside the fields."""
 
     def mesh(self) -> bytes:
@@ -76,7 +77,7 @@ class InMemory:
         self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
         self.rows: list[Row] = []
         self._fields: list[dict[str, Array]] = []
-        self._restarts: list[Mapping[str, Any]] = []
+        self._restarts: list[Mapping[str, object]] = []
 
     def add(self, step: Step) -> None:
         """Keep a state. What a restart needs to the last bit is kept of the last states alone, as in a folder."""
@@ -91,7 +92,7 @@ class InMemory:
     def fields(self, step: int) -> Mapping[str, Array]:
         return self._fields[step]
 
-    def restart(self, step: int) -> Mapping[str, Any]:
+    def restart(self, step: int) -> Mapping[str, object]:
         return self._restarts[step]
 
     def mesh(self) -> bytes:
@@ -122,7 +123,7 @@ class InFolder:
         there = tuple(name for name in names if self._results.has(step, [name]))
         return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
 
-    def restart(self, step: int) -> Mapping[str, Any]:
+    def restart(self, step: int) -> Mapping[str, object]:
         return self._results.stored[step].restart
 
     def mesh(self) -> bytes:

@@ -15,7 +15,8 @@ import pytest
 
 import softmodels as sm
 from measurement.units import pascal_per_cm
-from softmodels.runs.simulation import PathEnded, Simulation
+from softmodels.runs.simulation import Simulation
+from softmodels.runs.step import PathEnded
 
 CM = pascal_per_cm()
 COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}
