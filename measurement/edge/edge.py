@@ -15,10 +15,12 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_propagation
 from scipy.special import erf
 from skimage.measure import find_contours
 
 from measurement.camera.pixels import LIGHT, Pixels, Unmeasurable, sample_light
+from measurement.edge.ink import Drawn, Transmission
 from measurement.edge.shadow import ShadowColour
 
 Array = npt.NDArray[np.float64]
@@ -38,8 +40,11 @@ BETWEEN = 1.5
 LARGEST_RESIDUAL_RATIO = 4.0
 """Residual of a profile over the usual one from which something lies on the edge."""
 
-Transmission = Callable[[Array], Array]
-"""Share of light that the ink lets through at pixels (..., 2)."""
+NEIGHBOUR_RATIO = 2.0
+"""The same beside such a profile: one in a hundred exceeds it by noise."""
+
+DRAWN_ERROR = 0.35
+"""Share of the shift by ink that blurs with the edge by which its correction may be wrong."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -103,6 +108,7 @@ def refine_edge(
     through: Transmission | None,
     factor: float,
     light: npt.NDArray[np.float32] = LIGHT,
+    drawn: Drawn | None = None,
 ) -> Edge:
     """Find the edge near a coarse contour.
 
@@ -113,6 +119,7 @@ def refine_edge(
         through: What the grid's ink lets through; None where there is no grid.
         factor: Error of the contour in px.
         light: Light of every stored number.
+        drawn: What the ink leaves in the profiles because it is blurred together with the edge; None leaves that out.
 
     Raises:
         Unmeasurable: The edge fades over more than the profiles can reach, or is nowhere clear.
@@ -131,7 +138,7 @@ def refine_edge(
         raise Unmeasurable("its edge is nowhere clear enough to be found")
     # The second look follows the first one's edge, so that its profiles need no room for the contour's error.
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
-    return _fit(image, edge.px, colour, through, spacing, float(np.clip(4.5 * width + 2.0, 5.0, 250.0)), light)
+    return _fit(image, edge.px, colour, through, spacing, float(np.clip(4.5 * width + 2.0, 5.0, 250.0)), light, drawn)
 
 
 def _light_to_the_right(
@@ -153,6 +160,7 @@ def _fit(
     spacing: float,
     reach: float,
     light: npt.NDArray[np.float32],
+    drawn: Drawn | None = None,
 ) -> Edge:
     place, normal = _stations(path, spacing)
     offsets = np.linspace(-reach, reach, 2 * HALF + 1)
@@ -172,7 +180,14 @@ def _fit(
     value = np.where(weight > 0.0, value, 0.0)
     total = weight.sum(axis=1)
     profile = (weight * value).sum(axis=1) / np.maximum(total, 1e-9)
-    return _erf_fit(place, normal, profile, total / len(wide), offsets)
+    rest = None
+    if drawn is not None:
+        some = points[:, :: max(1, (len(wide) - 1) // 2)]
+
+        def rest(z: Array, width: Array) -> Array:
+            return np.mean([drawn(some[:, number], z, width) for number in range(some.shape[1])], axis=0)
+
+    return _erf_fit(place, normal, profile, total / len(wide), offsets, rest)
 
 
 def _stations(path: Array, spacing: float) -> tuple[Array, Array]:
@@ -193,7 +208,10 @@ def _stations(path: Array, spacing: float) -> tuple[Array, Array]:
     return place, np.column_stack([tangent[:, 1], -tangent[:, 0]])
 
 
-def _erf_fit(place: Array, normal: Array, profile: Array, weight: Array, offsets: Array) -> Edge:
+def _erf_fit(
+    place: Array, normal: Array, profile: Array, weight: Array, offsets: Array,
+    drawn: Callable[[Array, Array], Array] | None = None,
+) -> Edge:  # fmt: skip
     """Gauss-Newton on all profiles (n, k) at once: y = a + (b + m u) Phi((u - c) / w)."""
     u = offsets[None, :]
     reach = offsets[-1]
@@ -234,6 +252,10 @@ def _erf_fit(place: Array, normal: Array, profile: Array, weight: Array, offsets
     repeat = BETWEEN * max(1.0, 1.0 / (offsets[1] - offsets[0]))
     inverse = np.linalg.inv(normal_matrix + damping)
     error = np.sqrt(np.maximum(inverse[:, 3, 3], 0.0) * variance * repeat)
+    if drawn is not None:  # what blurred ink adds to a profile moves the fit's middle, to first order by one more step
+        added = np.einsum("nki,nk->ni", weighted, top * drawn(z, width))
+        shift = np.linalg.solve(normal_matrix + damping, added[..., None])[:, 3, 0]
+        centre, error = centre - shift, np.hypot(error, DRAWN_ERROR * shift)
     lit = low + rise + slope * centre
     with np.errstate(divide="ignore", invalid="ignore"):
         contrast = rise / lit
@@ -244,6 +266,8 @@ def _erf_fit(place: Array, normal: Array, profile: Array, weight: Array, offsets
     # Dust on the edge spoils the curve's shape before it moves its middle much.
     usual = np.median(own[good]) if good.any() else np.inf
     spoilt = (own > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / _local_median(width))) > 0.35)
+    # It reaches into the stations beside those in which it is plain.
+    spoilt = binary_propagation(spoilt, mask=spoilt | (own > NEIGHBOUR_RATIO**2 * usual))
     if good.any() and (spoilt & good).sum() < 0.2 * good.sum():
         good &= ~spoilt
     shape_misfit, on_ink = _shape_misfit(

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from measurement.camera.pixels import TONES, Pixels, Unmeasurable, read_photograph, sample_light
 from measurement.edge.blur import check_blur
 from measurement.edge.bridging import smoothed
-from measurement.edge.edge import Edge, Transmission, coarse_contour, refine_edge
+from measurement.edge.edge import Edge, coarse_contour, refine_edge
+from measurement.edge.ink import Ink
 from measurement.edge.shadow import CoarseShadow, ShadowColour, check_exposure, find_shadow
 from measurement.edge.threads import touched_by_thread
 from measurement.screen.flatness import flatness, pieces_of
@@ -165,8 +166,9 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
         look = look_at_grid(image, setup, setup.grid_pitch, roi, lit, light)
         moved = _check_grid(look, setup, scale)
     contour = coarse_contour(coarse.mask, coarse.share, factor, (x0, y0))
-    through = _ink(look, setup, roi)
-    edge = refine_edge(image, contour, coarse.colour, through, factor, light)
+    through = None if look is None or not look.shift.size else Ink.of(look, setup, roi)
+    drawn = None if through is None else through.drawn
+    edge = refine_edge(image, contour, coarse.colour, through, factor, light, drawn)
     edge = edge[_inside(edge.px, roi)]
     if len(edge.px) < FEWEST_POINTS:
         raise Unmeasurable(
@@ -250,37 +252,6 @@ def _flatness(
     looks = [look_at_grid(image, setup, look.pitch, roi, part, light, look.line_reach) for part in (lit, dark)]
     error, doubt = flatness(pieces_of(looks), points * setup.magnification)
     return error / setup.magnification, doubt
-
-
-def _ink(look: GridLook | None, setup: Setup, roi: tuple[int, int, int, int]) -> Transmission | None:
-    """What the ink lets through at pixels; the map to the screen is taken straight within each profile."""
-    if look is None or not look.shift.size:
-        return None
-    # A cubic through a lattice is exact to far less than a line's edge, and quick for a million samples.
-    x0, y0, x1, y1 = roi
-    columns, rows = np.linspace(x0, x1 - 1, 65), np.linspace(y0, y1 - 1, 65)
-    lattice = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-    places = setup.to_metres(lattice).reshape(65, 65, 2) * setup.magnification
-    table = np.ascontiguousarray(np.nan_to_num(places, nan=1.0), dtype=np.float64)
-
-    def through(points: Array) -> Array:
-        flat = points.reshape(-1, 2)
-        return look.transmission(_bilinear(table, (flat - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * 64.0)).reshape(
-            points.shape[:-1]
-        )
-
-    return through
-
-
-def _bilinear(table: Array, at: Array) -> Array:
-    at = np.clip(at, 0.0, 64.0)
-    cell = np.minimum(at.astype(np.int64), 63)
-    u, v = (at - cell).T
-    i, j = cell[:, 1], cell[:, 0]
-    return (
-        table[i, j] * ((1 - u) * (1 - v))[:, None] + table[i, j + 1] * (u * (1 - v))[:, None]
-        + table[i + 1, j] * ((1 - u) * v)[:, None] + table[i + 1, j + 1] * (u * v)[:, None]
-    )  # fmt: skip
 
 
 def _inside(px: Array, roi: tuple[int, int, int, int]) -> npt.NDArray[np.bool_]:

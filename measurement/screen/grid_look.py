@@ -9,11 +9,13 @@ itself otherwise. A camera moved by exactly one whole pitch looks unmoved; nothi
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import numpy.typing as npt
 
 from measurement.camera.pixels import LIGHT, Pixels, sample_light
+from measurement.screen.line_shape import LineShape
 from measurement.screen.setup import Setup
 
 Array = npt.NDArray[np.float64]
@@ -88,14 +90,24 @@ class GridLook:
         inked = self.distance[(self.ink < INKED).any(axis=0)]
         return float(np.clip(2.2 * inked.max(initial=0.0) / self.pitch, 0.3 * REACH, REACH))
 
+    @functools.cached_property
+    def lines(self) -> tuple[LineShape | None, LineShape | None]:
+        """Width, depth and blur of the lines of constant X and of constant Z; None where none are seen."""
+        return LineShape.fitted(self.distance, self.ink)
+
+    def off_line(self, place: Array, axis: int) -> Array:
+        """Signed distances (...) in m from the nearest line at places (...) along X or Z in m."""
+        line = np.rint(place / self.pitch).astype(np.int64)
+        return np.asarray(place - line * self.pitch - _look_up(self.offsets[axis], line))
+
     def transmission(self, places: Array) -> Array:
         """Share of light that the ink lets through at places (..., 2) in m on the screen."""
         cover = []
-        darkest = max(1.0 - float(self.ink.min()), 1e-9)
+        # Of sharp ink, which alone covers all or nothing; a blurred line covers a part of each place.
+        sharp = [line.depth for line in self.lines if line is not None]
+        darkest = max(1.0 - float(self.ink.min()), *sharp, 1e-9)
         for axis in (0, 1):
-            line = np.rint(places[..., axis] / self.pitch).astype(np.int64)
-            offset = _look_up(self.offsets[axis], line)
-            across = np.abs(places[..., axis] - line * self.pitch - offset)
+            across = np.abs(self.off_line(places[..., axis], axis))
             cover.append((1.0 - np.interp(across, self.distance, self.ink[axis], right=1.0)) / darkest)
         # Ink on ink is the same ink: at a crossing the covered shares join as chances do, they do not multiply up.
         return 1.0 - darkest * (1.0 - (1.0 - cover[0]) * (1.0 - cover[1]))

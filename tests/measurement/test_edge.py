@@ -77,6 +77,17 @@ def test_ink_and_dust_do_not_pull_the_edge():
     assert np.sqrt(np.mean(off[away] ** 2)) < 0.1
 
 
+@pytest.mark.parametrize(("place", "radius"), [((84.9, 142.1), 3.9), ((95.1, 144.7), 3.6), ((247.0, 161.1), 2.0)])
+def test_a_speck_on_the_edge_spoils_no_point_beside_it(place, radius):
+    image = picture(straight, 1.8, noise=1.0).astype(float)
+    far = np.hypot(COLUMNS - place[0], ROWS - place[1])
+    image *= (1.0 - 0.6 * ndtr((radius - far) / 1.5))[..., None]
+    edge = found(np.uint8(np.rint(image)))
+    near = np.abs(edge.px[:, 0] - place[0]) < 20.0
+    assert 5 < near.sum() < 13
+    assert np.abs(straight(edge.px))[near].max() < 0.06  # 0.11 to 0.44 px where only what is plainly spoilt is left out
+
+
 def test_shapes_that_no_penumbra_has_show_in_the_misfit():
     right = found(picture(straight, 4.0, noise=1.0))
     image = np.uint8(np.rint(255.0 * (picture(straight, 4.0, noise=1.0) / 255.0) ** (1 / 2.2)))
