@@ -77,12 +77,13 @@ def scene_of(megapixels: float) -> Scene:
 def inflated(truth: Truth, comm: Any) -> tuple[DeviceModel, list[Array]]:
     """The device with its true material, and the right half of its outline in m at each pressure."""
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     choice = LawChoice.from_text(truth.law, truth.poisson)
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(truth.actuator, truth.actuator.write(Path(folder) / "disk.msh"), comm)
-    device = DeviceModel(Equilibrium(body, choice.material(truth.values)), choice)
+    device = DeviceModel(Solver(System(body, choice.material(truth.values))), choice)
     states = device.states(truth.values, truth.pressures, "pressure")
     lengths = device.set_parameters(truth.values)
     return device, [half_outline(device.curve(state, lengths), 2e-5, 0.0)[0] for state in states]

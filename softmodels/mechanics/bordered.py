@@ -78,7 +78,7 @@ class Bordered:
         return self.columns[1:]
 
     def release(self) -> None:
-        """Destroy what PETSc holds; see `Equilibrium.release`."""
+        """Destroy what PETSc holds; see `Solver.release`."""
         for thing in (self._direct, self.mat, *self.columns, *self._lifted, self._r, self._y):
             thing.destroy()
 

@@ -25,8 +25,8 @@ from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.morphing import Reshaping
-from softmodels.mechanics.solver import Equilibrium, Tangent
-from softmodels.mechanics.system import State
+from softmodels.mechanics.solver import Solver, Tangent
+from softmodels.mechanics.system import State, System
 
 Array = npt.NDArray[np.float64]
 
@@ -55,24 +55,24 @@ def known_parameters(material: Material) -> tuple[str, ...]:
 
 
 class Sensitivity:
-    """Derivatives of an equilibrium's states.
+    """Derivatives of a device's states.
 
     Args:
-        equilibrium: The device.
+        solver: The device.
         reshaping: Lengths of it that will be asked for; None for none.
     """
 
-    def __init__(self, equilibrium: Equilibrium, reshaping: Reshaping | None = None):
+    def __init__(self, solver: Solver, reshaping: Reshaping | None = None):
         import ufl
 
-        self.equilibrium = eq = equilibrium
+        self.solver, eq = solver, solver.system
         self._along = _Directions(eq)
         self._material = eq.form(ufl.derivative(self._along.energy, eq.w, ufl.TestFunction(eq.space)))
         X = ufl.SpatialCoordinate(eq.body.mesh)
         self._lengths = {}
         for name, velocity in (reshaping.velocities if reshaping else {}).items():
-            forces = [eq.form(ufl.derivative(force, X, velocity)) for force in eq.forces]
-            self._lengths[name] = forces, eq.form(ufl.derivative(eq.cavity_volume, X, velocity))
+            forces = [eq.form(ufl.derivative(force, X, velocity)) for force in eq.potential.forces]
+            self._lengths[name] = forces, eq.form(ufl.derivative(eq.potential.cavity_volume, X, velocity))
 
     def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[Tangent, dict[str, Rate]]:
         """Derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters change.
@@ -80,8 +80,8 @@ class Sensitivity:
         The tangent matrix is factorised at the state.
 
         Args:
-            state: A state of the equilibrium's present material and lengths.
-            control: The line, dimensionless as for `Equilibrium.solve`.
+            state: A state of the system's present material and lengths.
+            control: The line, dimensionless as for `Solver.solve`.
             names: Of `known_parameters`, or of the lengths.
 
         Returns:
@@ -90,50 +90,49 @@ class Sensitivity:
         Raises:
             NoConvergence: The linear solver failed: the line touches the path.
         """
-        eq = self.equilibrium
-        eq.factorise(state)
-        along = eq.tangent(state, control, TOLERANCE)
+        self.solver.factorise(state)
+        along = self.solver.tangent(state, control, TOLERANCE)
         return along, {name: self._rate(state, control, name) for name in names}
 
     def _rate(self, state: State, control: Control, name: str) -> Rate:
-        eq = self.equilibrium
+        eq = self.solver.system
         mu, dmu = eq.stress_unit, 0.0
         if name in self._lengths:
             forces, volume = self._lengths[name]
             # Forms by coordinates are per unit of the device's size.
-            force = eq._assemble(forces) / eq.length_unit
-            opened = eq._scalar(volume) / eq.length_unit
+            force = eq.assemble(forces) / eq.length_unit
+            opened = eq.integral(volume) / eq.length_unit
         else:
             dmu = self._along.turn(eq.material, name)
-            force, opened = eq._assemble([self._material]), 0.0
+            force, opened = eq.assemble([self._material]), 0.0
         # The line is meant in Pa and m3; in shear moduli it moves as the shear modulus does.
         gap = -control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
-        moved = eq.linear_response(-force, gap, TOLERANCE)
+        moved = self.solver.linear_response(-force, gap, TOLERANCE)
         return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit)
 
 
 class _Directions:
     """The stored energy's derivative along a direction in the space of the law's dimensionless constants."""
 
-    def __init__(self, eq: Equilibrium):
+    def __init__(self, eq: System):
         import ufl
         from dolfinx import fem
 
         mesh = eq.body.mesh
         names = [field.name for field in dataclasses.fields(eq.material) if field.name != "poisson"]
-        constants = {name: getattr(eq.parameters, name) for name in names}
+        constants = {name: getattr(eq.potential.parameters, name) for name in names}
         variables = {name: ufl.variable(constant) for name, constant in constants.items()}
-        bulk = ufl.variable(eq.bulk)
+        bulk = ufl.variable(eq.potential.bulk)
         self.mixed = eq.mixed
         self.turns = {name: fem.Constant(mesh, np.zeros_like(constant.value)) for name, constant in constants.items()}
         self.bulk = fem.Constant(mesh, 0.0)
-        density = eq.density(types.SimpleNamespace(**variables), bulk)
+        density = eq.potential.density(types.SimpleNamespace(**variables), bulk)
         slope = ufl.diff(density, bulk) * self.bulk
         for name, variable in variables.items():
             slope += ufl.inner(ufl.diff(density, variable), self.turns[name])
         self.sheet, self.stiffness = eq.sheet, fem.Constant(mesh, 0.0)
         self.length = eq.length_unit
-        energies = eq.energies(slope, self.stiffness)
+        energies = eq.potential.stored(slope, self.stiffness)
         self.energy = sum(energies[1:], energies[0])
 
     def turn(self, material: Material, name: str) -> float:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.solver import NoConvergence
+from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import LARGEST_GROWTH, Continuation
 from softmodels.path.modes import Mode
@@ -84,7 +84,7 @@ class Branch:
         tangent = t if self.sign * self.mode.share(t.w) > 0 else -t
         step = self._distance(path.last.state, state) if path.trail.points else path.first_step
         return dataclasses.replace(
-            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=solver.age,
+            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=solver.kept.age,
             signature=signature, stiffest=abs(tangent.compliance),
         )  # fmt: skip
 

@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from softmodels.mechanics.controls import Control
-from softmodels.mechanics.solver import Equilibrium, NoConvergence
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.corrector import Corrector
 from softmodels.path.critical_points import events
@@ -50,7 +51,7 @@ class Continuation:
         trail: Its last points, once it has begun; with it ``plane``, its scales, and ``corrector``, which finds its states.
     """
 
-    solver: Equilibrium
+    solver: Solver
     requested: Quantity = dataclasses.field(default_factory=Pressure)
     control: str = "auto"
     largest_step: float = math.inf
@@ -65,8 +66,8 @@ class Continuation:
     def begin(self) -> Point:
         """The path's first point; sets the scales of the plane in which arc lengths are measured."""
         solver = self.solver
-        rest = solver.rest()
-        V_scale = float(np.abs(solver.coupling.shares) @ solver.volumes())
+        rest = solver.system.rest()
+        V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.volumes())
         start = rest if self.start is None else self.start
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
@@ -83,7 +84,7 @@ class Continuation:
         signature = self.trail.stability.signature(exact=True)
         step, stiffest = self.first_step, abs(tangent.compliance)
         return self.keep(
-            Point(start, tangent, False, False, step, self.trail.line, True, solver.age, stiffest, signature)
+            Point(start, tangent, False, False, step, self.trail.line, True, solver.kept.age, stiffest, signature)
         )
 
     def resume(self, points: Sequence[Point]) -> None:

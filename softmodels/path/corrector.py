@@ -7,7 +7,8 @@ import math
 from collections.abc import Callable, Sequence
 
 from softmodels.mechanics.controls import Control, Curve, volume_control
-from softmodels.mechanics.solver import TANGENT_TOLERANCE, Equilibrium, NoConvergence, Tangent
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver, Tangent
 from softmodels.mechanics.system import State
 from softmodels.path.points import Point, predict
 from softmodels.path.quantities import Plane, Quantity
@@ -29,7 +30,7 @@ class Corrector:
         plane: Scales of volume and pressure.
     """
 
-    def __init__(self, solver: Equilibrium, trail: Trail, plane: Plane):
+    def __init__(self, solver: Solver, trail: Trail, plane: Plane):
         self.solver, self.trail, self.plane = solver, trail, plane
         self.stability = trail.stability
 
@@ -54,7 +55,7 @@ class Corrector:
         try:
             state = self.solver.solve(line, w, P)
         except NoConvergence:
-            if self.solver.sheet is None:
+            if self.solver.system.sheet is None:
                 raise
             # A stiff sheet may have been in the way.
             state = self.solver.solve(line, w, P, since=around[-1].state.w)
@@ -93,7 +94,9 @@ class Corrector:
             signature = Signature(negative, self.stability.critical_lowest(state, negative))
         else:
             signature = self.stability.signature(stale, negative)
-        return Point(state, tangent, requested, limit, step, self.trail.line, stale, solver.age, stiffest, signature)
+        return Point(
+            state, tangent, requested, limit, step, self.trail.line, stale, solver.kept.age, stiffest, signature
+        )
 
     def check_branch(self, state: State) -> None:
         """Refuse a state that Newton found somewhere else: behind the last one, or with its cavity turned inside out.
@@ -103,7 +106,7 @@ class Corrector:
         """
         s, t = self.trail.last.state, self.trail.last.tangent
         along = self.plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
-        if self.solver.volumes().min() <= 0.0 or along <= 0.0:
+        if self.solver.system.volumes().min() <= 0.0 or along <= 0.0:
             raise NoConvergence("it jumped to another branch")
 
     # -- between two points -------------------------------------------------------------------------------------------

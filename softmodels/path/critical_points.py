@@ -14,7 +14,7 @@ from collections.abc import Callable
 from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import brentq
 
-from softmodels.mechanics.solver import NoConvergence
+from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.corrector import Corrector
 from softmodels.path.points import Point
 from softmodels.path.quantities import Quantity
@@ -63,11 +63,11 @@ def events(
         report: Takes a sentence on a bifurcation that cannot be located.
     """
     solver, stability = corrector.solver, corrector.stability
-    kept = solver.base, stability.modes
+    kept = solver.kept.base, stability.modes
     found = changes(corrector, before, after, report)
     if turn := own_limit(corrector, requested, before, after):
         found = sorted([*turn, *found], key=lambda point: abs(point.state.V - before.state.V))
-    if solver.base is not kept[0] or stability.modes is not kept[1]:
+    if solver.kept.base is not kept[0] or stability.modes is not kept[1]:
         solver.factorise(after.state)
         stability.lowest()
     return found

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from softmodels.mechanics.solver import NoConvergence
+from softmodels.mechanics.newton import NoConvergence
 
 TOLERANCE = 1e-7
 """Residual of K^-1 M x = nu x, in the norm of M and in shares of nu; the eigenvalue's error is about its square."""

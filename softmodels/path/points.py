@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from softmodels.mechanics.controls import Control, Curve, volume_control
-from softmodels.mechanics.solver import NoConvergence, Tangent
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.solver import Tangent
 from softmodels.mechanics.system import State
 from softmodels.path.stability import Signature
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from measurement.units import UnitError, brief
 from measurement.units import numbers as as_numbers
 from softmodels.mechanics.coupling import Coupling
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import Point
@@ -158,7 +158,7 @@ class Stop:
 
 
 def follow(
-    equilibrium: Equilibrium,
+    solver: Solver,
     program: Program,
     pascal_per_cm: float,
     control: str,
@@ -168,7 +168,7 @@ def follow(
     """Take a device through a program.
 
     Args:
-        equilibrium: The device, at rest; the coupling of its cavities is changed.
+        solver: The device, at rest; the coupling of its cavities is changed.
         program: One series for each of its cavities.
         pascal_per_cm: Pa in one cm of the column.
         control: What each step follows, as in `Continuation`.
@@ -181,7 +181,7 @@ def follow(
     Raises:
         PathEnd: A step's values are not on the path that leads there.
     """
-    eq = equilibrium
+    eq = solver.system
     state, rest = eq.rest(), eq.volumes()
     values = np.array([series.values for series in program]).T * [
         1e-6 / eq.volume_unit if series.is_volume else pascal_per_cm / eq.stress_unit for series in program
@@ -194,8 +194,8 @@ def follow(
             before = row
             continue
         coupling, requested, goal = _step(here.pressures, row - before, held, rest + before)
-        start = eq.couple(coupling, here.state, here.pressures)
-        path = Continuation(eq, requested, control, goal / POINTS_PER_STEP, start=start, report=report)
+        start = solver.couple(coupling, here.state, here.pressures)
+        path = Continuation(solver, requested, control, goal / POINTS_PER_STEP, start=start, report=report)
         for place, point in enumerate(trace(path, [goal])):
             if place:
                 come = float(number) if point.requested else number - 1 + path.value(point.state) / goal

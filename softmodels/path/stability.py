@@ -23,7 +23,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from softmodels.mechanics.solver import Equilibrium, NoConvergence
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.lanczos import lowest
 from softmodels.path.modes import Mode, ShiftInvert
@@ -64,14 +65,15 @@ class Signature:
 
 
 class Stability:
-    """Signatures of an equilibrium's states. One per `Equilibrium`; see `of`."""
+    """Signatures of a device's states. One per `Solver`; see `of`."""
 
-    def __init__(self, equilibrium: Equilibrium):
+    def __init__(self, solver: Solver):
         import ufl
         from dolfinx import fem
         from dolfinx.fem import petsc as fem_petsc
 
-        eq = self.equilibrium = equilibrium
+        self.solver = solver
+        eq = solver.system
         test, trial = ufl.TestFunction(eq.space), ufl.TrialFunction(eq.space)
         u, v = (ufl.split(f)[0] if eq.mixed else f for f in (trial, test))
         dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
@@ -87,12 +89,12 @@ class Stability:
         self.start()
 
     @classmethod
-    def of(cls, equilibrium: Equilibrium) -> Stability:
-        """The one that belongs to an equilibrium, made at the first call."""
-        found = getattr(equilibrium, "_stability", None)
+    def of(cls, solver: Solver) -> Stability:
+        """The one that belongs to a solver, made at the first call."""
+        found = getattr(solver, "_stability", None)
         if found is None:
-            found = cls(equilibrium)
-            equilibrium._stability = found  # type: ignore[attr-defined]
+            found = cls(solver)
+            solver._stability = found  # type: ignore[attr-defined]
         return found
 
     def start(self) -> None:
@@ -102,7 +104,7 @@ class Stability:
         """
         from dolfinx import fem
 
-        eq = self.equilibrium
+        eq = self.solver.system
         seed, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
 
         def rough(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -141,7 +143,7 @@ class Stability:
         """Lowest eigenvalue of K as it is factorised; nan if it was not found to within its tolerance."""
         try:
             value, self.modes = lowest(
-                self.equilibrium.bordered.solve, self.M, self.seed, self.negative_eigenvalues(), BLOCK
+                self.solver.bordered.solve, self.M, self.seed, self.negative_eigenvalues(), BLOCK
             )
         except NoConvergence:
             self.modes = []
@@ -157,7 +159,7 @@ class Stability:
         """
         if not negative:
             return 0.0
-        self.equilibrium.factorise(state)
+        self.solver.factorise(state)
         reference, largest = self.reference, self.largest
         value = self.lowest()
         self.reference, self.largest = reference, largest
@@ -165,7 +167,7 @@ class Stability:
 
     def negative_eigenvalues(self) -> int:
         """Negative eigenvalues of the factorised K beyond those of a stable one."""
-        return self.equilibrium.bordered.negative_eigenvalues() - self.constraints
+        return self.solver.bordered.negative_eigenvalues() - self.constraints
 
     def _corrected(self, state: State) -> float:
         """Lowest eigenvalue of a state without a factorisation of its own, from the modes of the last one that has.
@@ -176,7 +178,7 @@ class Stability:
         Raises:
             NoConvergence: The mode changes too much between the two states.
         """
-        eq, M = self.equilibrium, self.M
+        eq, M = self.solver.system, self.M
         eq.load(state)
         basis: list[Any] = []
         products: list[Any] = []
@@ -186,7 +188,7 @@ class Stability:
         for _ in range(MOST_CORRECTIONS):
             for x in new:
                 Kx, Mx = M.createVecLeft(), M.createVecLeft()
-                eq._multiply(x.array_r, Kx.array_w)
+                eq.tangent_product(x.array_r, Kx.array_w)
                 M.mult(x, Mx)
                 basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
                 A, C = _grown(A, Kx.mDot(basis)), _grown(C, Mx.mDot(basis))
@@ -199,7 +201,7 @@ class Stability:
             residual, correction = M.createVecLeft(), M.createVecRight()
             residual.maxpy(shares, products)
             residual.maxpy([-value * share for share in shares], images)
-            eq.bordered.solve(residual, correction)
+            self.solver.bordered.solve(residual, correction)
             M.mult(correction, residual)
             size = max(correction.dot(residual), 0.0) ** 0.5
             if size <= CLOSE:
@@ -222,7 +224,7 @@ class Stability:
         Returns:
             Pairs of eigenvalue (dimensionless) and mode: shape as `State.w`, largest entry 1 or -1.
         """
-        self.equilibrium.factorise(state)
+        self.solver.factorise(state)
         return self._pairs(count)
 
     def _pairs(self, count: int) -> list[tuple[float, npt.NDArray[np.float64]]]:
@@ -230,11 +232,11 @@ class Stability:
         from petsc4py import PETSc
         from slepc4py import SLEPc
 
-        eq = self.equilibrium
+        eq = self.solver.system
         solver = SLEPc.EPS().create(eq.comm)
         # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
         # constraint's infinite eigenvalues are zeros here, far from those wanted.
-        solver.setOperators(ShiftInvert.matrix(eq.bordered.solve, self.M))
+        solver.setOperators(ShiftInvert.matrix(self.solver.bordered.solve, self.M))
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
         solver.setDimensions(count, max(2 * count + 8, 16))
@@ -258,13 +260,13 @@ class Stability:
     def _mode(self, vector: Any) -> npt.NDArray[np.float64]:
         from dolfinx import fem
 
-        function = fem.Function(self.equilibrium.space)
-        function.x.array[: self.equilibrium.n] = vector.array_r
+        function = fem.Function(self.solver.system.space)
+        function.x.array[: self.solver.system.n] = vector.array_r
         function.x.scatter_forward()
         # By its largest entry alone, an antisymmetric mode would turn round with the rounding of the day.
         largest = max(vector.max()[1], -vector.min()[1])
         scaled = function.x.array / math.copysign(largest, vector.dot(self.sense))
-        return np.concatenate([scaled, np.zeros(len(self.equilibrium.coupling.constraints))])
+        return np.concatenate([scaled, np.zeros(len(self.solver.system.coupling.constraints))])
 
     def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
         """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the state."""

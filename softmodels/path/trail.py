@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from softmodels.mechanics.solver import Equilibrium, Tangent
+from softmodels.mechanics.solver import Solver, Tangent
 from softmodels.mechanics.system import State
 from softmodels.path.modes import Mode
 from softmodels.path.points import Point
@@ -25,7 +25,7 @@ class Trail:
         stability: Of the device.
     """
 
-    def __init__(self, solver: Equilibrium):
+    def __init__(self, solver: Solver):
         self.solver, self.stability = solver, Stability.of(solver)
         self.points: list[Point] = []
         self.modes: list[Mode] = []
@@ -37,9 +37,9 @@ class Trail:
 
     def keep(self, point: Point) -> Point:
         """Make a point the last one, with what a restart needs to go on as this path does."""
-        solver = self.solver
+        kept = self.solver.kept
         point = dataclasses.replace(
-            point, factorised=solver.base is point.state, age=solver.age, worn=solver.worn,
+            point, factorised=kept.base is point.state, age=kept.age, worn=kept.worn,
             largest=self.stability.largest,
         )  # fmt: skip
         self.points = [*self.points[-1:], point]
@@ -74,4 +74,4 @@ class Trail:
             self.points = [*self.points[-1:], again]
         last = self.last
         self.line, self.stability.largest = last.line, last.largest
-        self.solver.age, self.solver.worn = last.age, last.worn
+        self.solver.kept.age, self.solver.kept.worn = last.age, last.worn

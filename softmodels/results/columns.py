@@ -64,12 +64,12 @@ def _height(solved: Solved) -> float:
 def _stroke(solved: Solved) -> float:
     """Of the syringe in m3."""
     V, P, curve = _on_supply(solved)
-    return float(curve.value(V, P) * solved.fields.equilibrium.volume_unit)
+    return float(curve.value(V, P) * solved.fields.system.volume_unit)
 
 
 def _on_supply(solved: Solved) -> tuple[float, float, Any]:
     """Dimensionless volume and pressure of a state, and the supply's curves."""
-    eq, supply = solved.fields.equilibrium, solved.case.supply
+    eq, supply = solved.fields.system, solved.case.supply
     assert supply is not None
     cavity = solved.fields.rest_volume * eq.volume_unit
     curve = supply.control(cavity, eq.stress_unit, eq.volume_unit)
@@ -79,7 +79,7 @@ def _on_supply(solved: Solved) -> tuple[float, float, Any]:
 def _gas_energy(solved: Solved) -> float:
     supply, figures = solved.case.supply, solved.figures
     assert supply is not None
-    cavity = solved.fields.rest_volume * solved.fields.equilibrium.volume_unit
+    cavity = solved.fields.rest_volume * solved.fields.system.volume_unit
     return supply.gas_energy(_stroke(solved), figures.added_volume, figures.pressure, cavity) * 1e3
 
 
@@ -166,7 +166,7 @@ def _break_margin(solved: Solved) -> float | None:
 
 def _eigenvalue(solved: Solved) -> float | None:
     """In Pa/mm2; nothing where it was not found to within its tolerance."""
-    eq, lowest = solved.fields.equilibrium, solved.point.signature.lowest
+    eq, lowest = solved.fields.system, solved.point.signature.lowest
     return None if math.isnan(lowest) else float(lowest * eq.stress_unit / (eq.length_unit * 1e3) ** 2)
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from geometries.actuator import Vector
 from softmodels.case.gauges import NONE, Gauges, followed_text
 from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.solver import Equilibrium, Tangent
+from softmodels.mechanics.solver import Solver, Tangent
 from softmodels.mechanics.system import State
 from softmodels.results.figures import Figures
 from softmodels.results.followed import Followed, followed_points
@@ -29,7 +29,7 @@ class Fields:
     """Nodal fields and key figures of an equilibrium's states.
 
     Args:
-        equilibrium: The device's equations.
+        solver: The device.
         gauges: Points and angles that the user has named.
 
     Attributes:
@@ -37,25 +37,27 @@ class Fields:
         rest_volume: Of the cavity, dimensionless.
     """
 
-    def __init__(self, equilibrium: Equilibrium, gauges: Gauges = NONE):
+    def __init__(self, solver: Solver, gauges: Gauges = NONE):
         import ufl
         from dolfinx import fem
 
-        self.equilibrium, self.grid = equilibrium, Grid(equilibrium)
-        self.sampling = Sampling(equilibrium, self.grid)
+        self.solver, self.system = solver, solver.system
+        system = self.system
+        self.grid = Grid(system)
+        self.sampling = Sampling(solver, self.grid)
         self._dofs = StateDofs(self.sampling)
-        self.rest_volume = equilibrium.rest().V
-        self._rest_volumes = equilibrium.volumes()
-        places = ufl.SpatialCoordinate(equilibrium.body.mesh)
+        self.rest_volume = system.rest().V
+        self._rest_volumes = system.volumes()
+        places = ufl.SpatialCoordinate(system.body.mesh)
         options = {"cffi_extra_compile_args": ["-O2"]}
-        self._places = fem.Expression(places, equilibrium.points, jit_options=options)
-        self._probes = {name: self._owner(point) for name, point in equilibrium.body.actuator.probes.items()}
-        self._gauges, self._followed = gauges, followed_points(equilibrium, self.grid, gauges)
+        self._places = fem.Expression(places, system.points, jit_options=options)
+        self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
+        self._gauges, self._followed = gauges, followed_points(system, self.grid, gauges)
 
     @functools.cached_property
     def walls(self) -> Walls:
         """The device's surface, on rank 0."""
-        planes = [plane.normal for plane in self.equilibrium.body.actuator.cut_planes]
+        planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
         return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
 
     @property
@@ -65,7 +67,7 @@ class Fields:
 
     def values(self, state: State) -> StateValues:
         """A state's values; the state is loaded into the equations."""
-        self.equilibrium.load(state)
+        self.system.load(state)
         return StateValues(self.sampling, state)
 
     def shape(self, w: Array) -> Array | None:
@@ -93,7 +95,7 @@ class Fields:
 
     def figures(self, state: State) -> Figures:
         """Key figures of a state."""
-        eq, values = self.equilibrium, self.values(state)
+        eq, values = self.system, self.values(state)
         actuator, u = eq.body.actuator, values.displacement
         lift = np.asarray(actuator.lift)
         moved = {name: self._at(u, node) for name, node in self._probes.items()}
@@ -123,13 +125,13 @@ class Fields:
 
     def _extremes(self, values: Array) -> tuple[float, float]:
         """The least and the largest value over all ranks."""
-        comm = self.equilibrium.comm
+        comm = self.system.comm
         least = -largest(comm, float((-values).max()) if values.size else -math.inf)
         return least, largest(comm, float(values.max()) if values.size else -math.inf)
 
     def _owner(self, point: Vector) -> int:
         """Local owned node at a device point, or -1 on the ranks that do not own it."""
-        eq = self.equilibrium
+        eq = self.system
         here = self.grid.space.tabulate_dof_coordinates()[: self.grid.owned] * eq.length_unit
         distance = np.linalg.norm(eq.body.actuator.device_points(here) - np.asarray(point), axis=1)
         node = int(np.argmin(distance)) if len(distance) else -1
@@ -139,18 +141,18 @@ class Fields:
 
     def _at(self, u: Array, node: int) -> Array:
         """Displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
-        return np.array([total(self.equilibrium.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
+        return np.array([total(self.system.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
 
     def _moved(self, state: State, one: Followed) -> Array:
         """Displacement (3,) in m of a followed place, on all ranks."""
-        eq = self.equilibrium
+        eq = self.system
         u = one.weights @ state.w[self.sampling.skew[one.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
         u = u if self.grid.dimension == 3 else np.array([u[0], 0.0, u[1]])
         return np.array([total(eq.comm, float(value)) for value in u])
 
     def _place_of(self, values: Array, peak: float) -> tuple[float, float, float]:
         """Where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
-        eq = self.equilibrium
+        eq = self.system
         found = np.empty((0, 3))
         near = values >= peak * (1 - 1e-9)
         cells = np.flatnonzero(near.any(axis=1))

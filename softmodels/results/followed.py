@@ -11,7 +11,7 @@ import numpy.typing as npt
 from geometries.actuator import Vector
 from softmodels.case.gauges import GaugeError, Gauges
 from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.system import System
 from softmodels.results.grid import Grid
 
 Array = npt.NDArray[np.float64]
@@ -38,7 +38,7 @@ class Followed:
     away: float
 
 
-def followed_points(equilibrium: Equilibrium, grid: Grid, gauges: Gauges) -> dict[str, Followed]:
+def followed_points(system: System, grid: Grid, gauges: Gauges) -> dict[str, Followed]:
     """The places of the surface, the cavities' walls too, that are nearest to the named points.
 
     Raises:
@@ -46,23 +46,21 @@ def followed_points(equilibrium: Equilibrium, grid: Grid, gauges: Gauges) -> dic
     """
     if not gauges.points:
         return {}
-    facets = _surface(equilibrium, grid)
-    here = grid.space.tabulate_dof_coordinates()[facets.ravel()] * equilibrium.length_unit
-    places = equilibrium.body.actuator.device_points(here) if len(here) else np.empty((0, 3))
+    facets = _surface(system, grid)
+    here = grid.space.tabulate_dof_coordinates()[facets.ravel()] * system.length_unit
+    places = system.body.actuator.device_points(here) if len(here) else np.empty((0, 3))
     corners = places.reshape(*facets.shape, 3)
-    return {
-        name: _nearest(equilibrium, name, np.asarray(wanted), facets, corners) for name, wanted in gauges.places.items()
-    }
+    return {name: _nearest(system, name, np.asarray(wanted), facets, corners) for name, wanted in gauges.places.items()}
 
 
-def _surface(equilibrium: Equilibrium, grid: Grid) -> Nodes:
+def _surface(system: System, grid: Grid) -> Nodes:
     """Local nodes of the facets that bound the silicone but for cut planes, shape (m, 6), or (m, 3) of a section.
 
     The corners come first, then the middles of the edges, each opposite to its corner.
     """
     from dolfinx.mesh import compute_midpoints, exterior_facet_indices
 
-    body = equilibrium.body
+    body = system.body
     topology = body.mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim - 1, dim)
@@ -82,9 +80,9 @@ def _surface(equilibrium: Equilibrium, grid: Grid) -> Nodes:
     return found
 
 
-def _nearest(equilibrium: Equilibrium, name: str, wanted: Array, facets: Nodes, places: Array) -> Followed:
+def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Array) -> Followed:
     """The nearest place of facets whose nodes are at places (m, k, 3)."""
-    comm, unit = equilibrium.comm, equilibrium.length_unit
+    comm, unit = system.comm, system.length_unit
     share = _weights(_barycentric(places, wanted)) if len(places) else np.empty((0, 1))
     found = np.einsum("mk,mki->mi", share, places)
     distance = np.linalg.norm(found - wanted, axis=1)

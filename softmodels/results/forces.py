@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from softmodels.mechanics.mpi import largest
-from softmodels.mechanics.solver import Equilibrium
-from softmodels.mechanics.system import State
+from softmodels.mechanics.system import State, System
 from softmodels.results.state_values import Sampling
 
 
@@ -30,14 +29,14 @@ class Measure:
     texts: Mapping[str, tuple[str, str]]
 
 
-def _force_unit(eq: Equilibrium) -> float:
+def _force_unit(eq: System) -> float:
     """N of the whole device for a dimensionless force on the modelled slice."""
     return eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
 
 
 def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
     """Force in N of the whole device on what blocks it, if something does."""
-    eq = sampling.equilibrium
+    eq = sampling.system
     role = eq.body.actuator.blocked
     if role is None:
         return {}
@@ -53,7 +52,7 @@ def contact_force(sampling: Sampling, state: State) -> dict[str, float]:
     """
     from dolfinx import fem
 
-    eq, grid = sampling.equilibrium, sampling.grid
+    eq, grid = sampling.system, sampling.grid
     contact = eq.contact
     if contact is None:
         return {}
@@ -73,11 +72,11 @@ def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
 
     The load is spread over the `Actuator.pushed` face, and the motion is that face's mean; the pressure is kept.
     """
-    eq = sampling.equilibrium
+    eq = sampling.system
     actuator = eq.body.actuator
     if actuator.pushed is None:
         return {}
-    compliance = eq.dead_load_compliance(state, sampling.push)  # of a unit load on each slice
+    compliance = sampling.solver.dead_load_compliance(state, sampling.push)  # of a unit load on each slice
     unit = eq.stress_unit * eq.length_unit * actuator.copies
     return {f"{actuator.pushed}_stiffness_N_per_m": unit / compliance}
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.mpi import gathered
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.system import System
 
 CELL_NAMES = {2: "Triangle_6", 3: "Tetrahedron_10"}
 
@@ -25,23 +25,23 @@ class Grid:
         cell_name: XDMF's name of the cells.
     """
 
-    def __init__(self, equilibrium: Equilibrium):
+    def __init__(self, system: System):
         from dolfinx import fem, plot
 
-        body = equilibrium.body
-        self.comm, self.mixed = equilibrium.comm, equilibrium.mixed
+        body = system.body
+        self.comm, self.mixed = system.comm, system.mixed
         self.dimension = body.actuator.dimension
         self.cell_name = CELL_NAMES[self.dimension]
         self.space = fem.functionspace(body.mesh, ("P", 2))
         index_map = self.space.dofmap.index_map
         self.owned = index_map.size_local
-        here = self.space.tabulate_dof_coordinates()[: self.owned] * equilibrium.length_unit
+        here = self.space.tabulate_dof_coordinates()[: self.owned] * system.length_unit
         everywhere = gathered(self.comm, body.actuator.device_points(here))
-        local_cells = plot.vtk_mesh(self.space)[0].reshape(len(equilibrium.cells), -1)[:, 1:]
+        local_cells = plot.vtk_mesh(self.space)[0].reshape(len(system.cells), -1)[:, 1:]
         cells = gathered(
             self.comm, index_map.local_to_global(local_cells.ravel().astype(np.int32)).reshape(local_cells.shape)
         )
-        numbers = gathered(self.comm, body.mesh.topology.original_cell_index[: len(equilibrium.cells)])
+        numbers = gathered(self.comm, body.mesh.topology.original_cell_index[: len(system.cells)])
         if everywhere is None:
             self.points, self.cells, self.order = (
                 np.empty((0, 3)),
@@ -50,7 +50,7 @@ class Grid:
             )
             return
         # Rounded, so that two ranks' last digits cannot swap neighbours; off the round numbers that meshes like.
-        rounded = np.floor(everywhere / equilibrium.length_unit * 1e8 + 0.4142)
+        rounded = np.floor(everywhere / system.length_unit * 1e8 + 0.4142)
         self.order = np.lexsort(rounded.T[::-1])
         self.points = everywhere[self.order]
         rank_of = np.empty(len(self.order), dtype=np.int64)
@@ -73,9 +73,7 @@ class Grid:
         return scattered(self.comm, back, self.owned)
 
 
-def displacement_maps(
-    equilibrium: Equilibrium, grid: Grid
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:
+def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:
     """Where a state's entries sit on the grid.
 
     Returns:
@@ -83,8 +81,8 @@ def displacement_maps(
         each local node, -1 where p has no dof (mid-edge nodes), or None in the displacement formulation.
     """
     d = grid.dimension
-    space = equilibrium.space
-    if not equilibrium.mixed:
+    space = system.space
+    if not system.mixed:
         nodes = _matched(grid, space.tabulate_dof_coordinates())
         found = np.empty((len(nodes), d), dtype=np.int32)
         found[nodes] = d * np.arange(len(nodes))[:, None] + np.arange(d)

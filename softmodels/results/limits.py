@@ -10,7 +10,7 @@ import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,10 @@ from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.sheet import Sheet
+
+if TYPE_CHECKING:
+    from softmodels.mechanics.solver import Solver
+    from softmodels.results.fields import Fields
 
 LONGEST_TEXT = 300
 """Characters of the longest tolerance: patterns take long over texts without end."""
@@ -81,7 +85,8 @@ def find_limit(
         MeshingError, BodyError, MaterialError, ObstacleError: As for a run.
     """
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
     from softmodels.results.fields import Fields
 
     with tempfile.TemporaryDirectory() as folder:
@@ -96,23 +101,23 @@ def find_limit(
             key = (type(material), len(getattr(material, "mu", ())))
             if key not in known:
                 with compiling():
-                    equations = Equilibrium(body, material, formulation, sheet, obstacle)
-                    known[key] = equations, Fields(equations)
-            equations, fields = known[key]
-            equations.set_material(material)
-            found.append(_search(equations, fields))
+                    solver = Solver(System(body, material, formulation, sheet, obstacle))
+                    known[key] = solver, Fields(solver)
+            solver, fields = known[key]
+            solver.system.set_material(material)
+            found.append(_search(solver, fields))
     finally:
-        for equations, _ in known.values():
-            equations.release()
+        for solver, _ in known.values():
+            solver.release()
     return found
 
 
-def _search(equations: Any, fields: Any) -> Limit:
-    from softmodels.mechanics.solver import NoConvergence
+def _search(solver: Solver, fields: Fields) -> Limit:
+    from softmodels.mechanics.newton import NoConvergence
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
 
-    path = Continuation(equations)
+    path = Continuation(solver)
     kind, why, last = "none", "", None
     try:
         for point in trace(path, [STIFFNESS_RANGE]):

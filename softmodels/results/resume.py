@@ -92,7 +92,7 @@ def last_stop(case: Case, results: Results, fields: Any, comm: Any) -> Stop:
     row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
     last = on_root(comm, lambda: len(results.stored) - 1)
     state, _ = stored_state(results, fields, comm, last, record["P"], record["V"])
-    unit = fields.equilibrium.stress_unit
+    unit = fields.system.stress_unit
     pressures = np.array([row[name] * case.cm / unit for name in cavity_columns(row, "pressure", "cm")])
     return Stop(round(row["load_step"]), state, pressures)
 

@@ -23,7 +23,7 @@ class StateDofs:
     """
 
     def __init__(self, sampling: Sampling):
-        self._sampling, self._grid, self._eq = sampling, sampling.grid, sampling.equilibrium
+        self._sampling, self._grid, self._eq = sampling, sampling.grid, sampling.system
 
     def raw(self, state: State, tangent: Tangent) -> dict[str, Array] | None:
         """Dofs of a state and of the path's direction there over the grid's nodes; on rank 0, None elsewhere.

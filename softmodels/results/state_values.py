@@ -7,8 +7,8 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.solver import Equilibrium
-from softmodels.mechanics.system import State
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import State, System
 from softmodels.results.grid import Grid, displacement_maps
 from softmodels.results.stresses import principal_stretches, shape_stresses, von_mises
 from softmodels.results.volume_ratio import VolumeRatio, barycentric
@@ -20,38 +20,39 @@ class Sampling:
     """Where values are taken on a mesh, and how they come to the nodes; the same for every state.
 
     Args:
-        equilibrium: The device's equations.
+        solver: The device.
         grid: The nodes that results are written on.
 
     Attributes:
         skew, pressures: Where a state's entries sit on the grid, see `displacement_maps`.
     """
 
-    def __init__(self, equilibrium: Equilibrium, grid: Grid):
+    def __init__(self, solver: Solver, grid: Grid):
         from dolfinx import fem, la
 
-        self.equilibrium, self.grid = equilibrium, grid
-        self.skew, self.pressures = displacement_maps(equilibrium, grid)
+        self.solver, self.system, self.grid = solver, solver.system, grid
+        system = self.system
+        self.skew, self.pressures = displacement_maps(system, grid)
         space = grid.space
-        F = equilibrium.body.deformation_gradient(equilibrium.displacement, at_axis=True)
-        self.to_nodes = _linear_fit(equilibrium.points, space.element.interpolation_points)
+        F = system.body.deformation_gradient(system.potential.displacement, at_axis=True)
+        self.to_nodes = _linear_fit(system.points, space.element.interpolation_points)
         self.between = barycentric(space.element.interpolation_points)
-        self._gradients = fem.Expression(F, equilibrium.points, jit_options={"cffi_extra_compile_args": ["-O2"]})
-        self._dofs = space.dofmap.list[: len(equilibrium.cells)]
+        self._gradients = fem.Expression(F, system.points, jit_options={"cffi_extra_compile_args": ["-O2"]})
+        self._dofs = space.dofmap.list[: len(system.cells)]
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))
-        self.ratio = VolumeRatio(equilibrium.body, space)
+        self.ratio = VolumeRatio(system.body, space)
 
     @functools.cached_property
     def push(self) -> Array:
         """A unit load along the lift, spread over the device's `Actuator.pushed` face, as dofs."""
-        actuator = self.equilibrium.body.actuator
+        actuator = self.system.body.actuator
         assert actuator.pushed is not None
-        return self.equilibrium.face_load(actuator.pushed, actuator.lift)
+        return self.system.face_load(actuator.pushed, actuator.lift)
 
     def gradients(self) -> Array:
         """Deformation gradients of the state that is loaded, shape (cells, points, 3, 3)."""
-        eq = self.equilibrium
+        eq = self.system
         return self._gradients.eval(eq.body.mesh, eq.cells).reshape(len(eq.cells), -1, 3, 3)
 
     def average(self, values: Array) -> Array:
@@ -69,7 +70,7 @@ class Sampling:
 
     def displacement(self, w: Array) -> Array:
         """Displacement of dofs in m in device coordinates at owned nodes, shape (owned, 3)."""
-        eq = self.equilibrium
+        eq = self.system
         u = w[self.skew[: self.grid.owned]] @ eq.body.skew_inverse.T * eq.length_unit
         return u if self.grid.dimension == 3 else np.column_stack([u[:, 0], np.zeros(len(u)), u[:, 1]])
 
@@ -97,8 +98,8 @@ class StateValues:
         self.F = sampling.gradients()
 
     @property
-    def equilibrium(self) -> Equilibrium:
-        return self.sampling.equilibrium
+    def system(self) -> System:
+        return self.sampling.system
 
     @functools.cached_property
     def stretches(self) -> Array:
@@ -108,7 +109,7 @@ class StateValues:
     @functools.cached_property
     def von_mises(self) -> Array:
         """Von Mises stress at the integration points in Pa, shape (cells, points)."""
-        return von_mises(shape_stresses(self.equilibrium.material, self.stretches))
+        return von_mises(shape_stresses(self.system.material, self.stretches))
 
     @functools.cached_property
     def J(self) -> Array:
@@ -123,10 +124,10 @@ class StateValues:
     @functools.cached_property
     def p(self) -> Array:
         """The pressure-like unknown in Pa at owned nodes, shape (owned,): J - 1 times the bulk modulus."""
-        eq = self.equilibrium
+        eq = self.system
         p = self.sampling.pressure(self.state.w)
         if p is None:
-            p = self.sampling.average(self.J @ self.sampling.between.T - 1.0) * float(eq.bulk.value)
+            p = self.sampling.average(self.J @ self.sampling.between.T - 1.0) * float(eq.potential.bulk.value)
         return p * eq.stress_unit
 
     def at_nodes(self, values: Array, positive: bool = False) -> Array:

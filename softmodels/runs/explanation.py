@@ -32,7 +32,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         )
     at = fields.figures(end.limit.state)
     if case.supply is not None:
-        stroke = path.value(end.limit.state) * fields.equilibrium.volume_unit * 1e6
+        stroke = path.value(end.limit.state) * fields.system.volume_unit * 1e6
         return (
             f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
             f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has taken "

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
     from softmodels.results.fields import Fields
@@ -49,11 +49,11 @@ class Simulation:
         stopped: Asked between states, and while a mesh is made; once it is true on a rank, the run ends.
 
     Attributes:
-        body, equilibrium, fields: The device, once it is prepared.
+        body, solver, fields: The device, once it is prepared.
     """
 
     body: Body
-    equilibrium: Equilibrium
+    solver: Solver
     fields: Fields
 
     def __init__(
@@ -87,7 +87,8 @@ class Simulation:
             MeshFileError: No mesh as `write_mesh` makes them.
         """
         from softmodels.mechanics.body import Body, BodyError
-        from softmodels.mechanics.solver import Equilibrium
+        from softmodels.mechanics.solver import Solver
+        from softmodels.mechanics.system import System
         from softmodels.results.fields import Fields
 
         case, say = self.case, self.listener.say
@@ -97,8 +98,8 @@ class Simulation:
         try:
             self.body = Body.from_file(case.actuator, file, self.comm)
             with compiling():
-                self.equilibrium = Equilibrium(self.body, case.material, case.formulation, case.sheet, case.obstacle)
-                self.fields = Fields(self.equilibrium, case.gauges)
+                self.solver = Solver(System(self.body, case.material, case.formulation, case.sheet, case.obstacle))
+                self.fields = Fields(self.solver, case.gauges)
         except (BodyError, CompilingError) as error:
             raise RunError(str(error)) from error
 
@@ -107,7 +108,7 @@ class Simulation:
         say, ranks = self.listener.say, self.comm.size
         for text in self.fields.followed:
             say(text)
-        space, topology = self.equilibrium.space, self.body.mesh.topology
+        space, topology = self.solver.system.space, self.body.mesh.topology
         unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
         cells = topology.index_map(topology.dim).size_global
         say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
@@ -135,7 +136,7 @@ class Simulation:
             self._stop_if_asked()
 
     def _load_path(self, begun: Begun) -> Iterator[Step]:
-        from softmodels.mechanics.solver import NoConvergence
+        from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.continuation import trace
         from softmodels.path.points import PathEnd
         from softmodels.path.pressure_cycle import cycle
@@ -162,7 +163,7 @@ class Simulation:
 
     def _goals(self) -> list[float]:
         """The requested values, dimensionless."""
-        eq = self.equilibrium
+        eq = self.solver.system
         scale = eq.stress_unit if self.case.pressures_cm else eq.volume_unit
         return [goal / scale for goal in self.case.goals]
 
@@ -170,27 +171,25 @@ class Simulation:
         from softmodels.path.continuation import Continuation
         from softmodels.path.quantities import DIRECT
 
-        case, eq, supply = self.case, self.equilibrium, None
+        case, eq, supply = self.case, self.solver.system, None
         if case.supply is not None:
             cavity = eq.rest().V * eq.volume_unit
             supply = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
         requested = supply or DIRECT[case.quantity]
-        path = Continuation(eq, requested, case.control, last / FEWEST_STEPS)
+        path = Continuation(self.solver, requested, case.control, last / FEWEST_STEPS)
         path.report = lambda text: self.listener.say(f"  {text}")
         return path
 
     def _program(self, begun: Begun) -> Iterator[Step]:
         """Take the device through its program."""
-        from softmodels.mechanics.solver import NoConvergence
+        from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.points import PathEnd
         from softmodels.path.schedule import follow
 
         case, rows = self.case, list(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
-            for come, point in follow(
-                self.equilibrium, case.program, case.cm, case.control, self.listener.say, begun.stop
-            ):
+            for come, point in follow(self.solver, case.program, case.cm, case.control, self.listener.say, begun.stop):
                 step = self._step(point, len(rows), come)
                 rows.append(step.row)
                 yield step
@@ -211,13 +210,13 @@ class Simulation:
         yield from self._reported(self._branch())
 
     def _branch(self) -> Iterator[Step]:
-        from softmodels.mechanics.solver import NoConvergence
+        from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.branching import follow
         from softmodels.path.points import PathEnd
 
         assert self._path is not None
         start = self._bifurcations[0]
-        pressure = start.state.P * self.equilibrium.stress_unit / self.case.cm
+        pressure = start.state.P * self.solver.system.stress_unit / self.case.cm
         self.listener.say(f"following the branch from {pressure:.4g} cm")
         try:
             for number, point in enumerate(follow(self._path, start, farthest=max(self._goals()))):
@@ -227,8 +226,8 @@ class Simulation:
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold for the device; see `Solver.release`."""
-        if hasattr(self, "equilibrium"):
-            self.equilibrium.release()
+        if hasattr(self, "solver"):
+            self.solver.release()
 
     def _stop_if_asked(self) -> None:
         if any_rank(self.comm, self.stopped()):

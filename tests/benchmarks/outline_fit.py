@@ -39,19 +39,20 @@ SIDE = 20
 def device(cell_size: float):
     from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     comm = start()
     disk = HollowDisk(section="axisymmetric", cell_size=cell_size, fillet=0.0, base_fillet=0.0)
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(disk, disk.write(Path(folder) / "disk.msh"), comm)
     choice = LawChoice.from_text("yeoh", 0.49)
-    return DeviceModel(Equilibrium(body, choice.material(TRUTH)), choice)
+    return DeviceModel(Solver(System(body, choice.material(TRUTH))), choice)
 
 
 def fitted(inflation, camera, rng, pressures=PRESSURES):
     outlines = simulated_outlines(inflation, TRUTH, pressures, camera, rng=rng)
-    shapes, _ = prepare(outlines, inflation.equilibrium.body.actuator, inflation.silhouette.width)
+    shapes, _ = prepare(outlines, inflation.system.body.actuator, inflation.silhouette.width)
     inflation.paths = 0
     begin = time.perf_counter()
     found = fit_law_to_outlines(OutlineResiduals(inflation, shapes), changes=HOLD)

@@ -19,7 +19,8 @@ from measurement.units import pascal_per_cm
 from softmodels.case.material_table import DEFAULT
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import is_root, on_root, start
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 
 ROUNDS = 5
@@ -41,7 +42,7 @@ def main() -> None:
         prepared, followed = [], []
         for _ in range(ROUNDS):
             began = time.perf_counter()
-            equilibrium = Equilibrium(body, DEFAULT)
+            equilibrium = Solver(System(body, DEFAULT))
             ready = time.perf_counter()
             points = list(trace(Continuation(equilibrium), goals))
             prepared.append(ready - began)

@@ -136,16 +136,17 @@ def _silicone(chance: random.Random, mu: float, nu: float) -> Material:
 
 def equations_of(device: Actuator, material: Material, comm: Any) -> Any:
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(device, device.write(Path(folder) / "device.msh"), comm)
-    return Equilibrium(body, material)
+    return Solver(System(body, material))
 
 
 def follow(equations: Any, goal: float, *settings: Any) -> tuple[list[Any], Exception | None]:
     """All points of a path to a goal, and what ended it before that."""
-    from softmodels.mechanics.solver import NoConvergence
+    from softmodels.mechanics.newton import NoConvergence
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
 
@@ -161,8 +162,8 @@ def follow(equations: Any, goal: float, *settings: Any) -> tuple[list[Any], Exce
 def supply_of(trial: Trial, equations: Any) -> Any:
     if trial.syringe is None:
         return None
-    cavity = equations.rest().V * equations.volume_unit
-    return trial.syringe.control(cavity, equations.stress_unit, equations.volume_unit)
+    cavity = equations.system.rest().V * equations.system.volume_unit
+    return trial.syringe.control(cavity, equations.system.stress_unit, equations.system.volume_unit)
 
 
 def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
@@ -170,7 +171,7 @@ def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
     from softmodels.path.points import PathEnd
     from softmodels.path.quantities import DIRECT
 
-    goal = trial.goal * (1.0 if trial.quantity == "pressure" else equations.rest().V)
+    goal = trial.goal * (1.0 if trial.quantity == "pressure" else equations.system.rest().V)
     requested = supply_of(trial, equations) or DIRECT[trial.quantity]
     settings = requested, trial.control, math.inf
     points, end = follow(equations, goal, *settings)
@@ -186,7 +187,7 @@ def check(trial: Trial, ended: str, points: list[Any], equations: Any) -> Found:
     """What is wrong with an outcome by a second path, of the section or of the same device, under volume control."""
     from softmodels.path.quantities import AddedVolume
 
-    V0 = equations.rest().V
+    V0 = equations.system.rest().V
     slices = trial.device.copies if trial.kind == "wedge" else 1
     last = max(points[-1].state.V * slices, V0 * 1.001)
     known, end = follow(equations, last - V0, AddedVolume(), "volume", (last - V0) / STEPS)
@@ -212,7 +213,7 @@ def check(trial: Trial, ended: str, points: list[Any], equations: Any) -> Found:
 
 def quantity(trial: Trial, equations: Any, V: Any, P: Any) -> Any:
     """What was asked for, as `Trial.goal`, at states of the check."""
-    V0 = equations.rest().V
+    V0 = equations.system.rest().V
     if trial.quantity == "pressure":
         return P
     if trial.quantity == "volume":

@@ -25,7 +25,8 @@ from measurement.units import pascal_per_cm
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import is_root, largest, on_root, start
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.results.fields import Fields
 
@@ -63,7 +64,7 @@ def main() -> None:
         meshed = time.perf_counter() - began
         body = Body.from_file(slab, mesh, comm)
     began = time.perf_counter()
-    equations = Equilibrium(body, law)
+    equations = Solver(System(body, law))
     fields = Fields(equations)
     prepared = time.perf_counter() - began
     events = {label: PETSc.Log.Event(label) for label in OWN_EVENTS}
@@ -72,7 +73,7 @@ def main() -> None:
 
     began, told = time.perf_counter(), 0.0
     count = iterations = 0
-    for point in trace(Continuation(equations), [177 * pascal_per_cm() / equations.stress_unit]):
+    for point in trace(Continuation(equations), [177 * pascal_per_cm() / equations.system.stress_unit]):
         count, iterations = count + 1, iterations + point.state.iterations
         at = time.perf_counter()
         figures = fields.figures(point.state)
@@ -84,7 +85,7 @@ def main() -> None:
         parts[label] = sum(PETSc.Log.Event(name).getPerfInfo()["time"] for name in names)
     parts = {label: largest(comm, seconds) for label, seconds in parts.items()}
     parts["figures of the states"] = largest(comm, told)
-    dofs = equations.space.dofmap.index_map.size_global * equations.space.dofmap.index_map_bs
+    dofs = equations.system.space.dofmap.index_map.size_global * equations.system.space.dofmap.index_map_bs
     if not is_root(comm):
         return
     print(f"{comm.size} rank(s), {dofs:,} unknowns, {count} states, {iterations} Newton iterations")

@@ -41,7 +41,8 @@ from softmodels.materials.laws import Yeoh
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import start
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd
 from softmodels.results.fields import Fields
@@ -165,10 +166,12 @@ def calculix(mesh: Mesh, law: Yeoh, pressures: list[float], program: str) -> lis
 
 def softmodels(path: Path, slab: SeminarActuator, law: Yeoh, pressures: list[float], formulation: str) -> list[State]:
     """The same by softmodels."""
-    equations = Equilibrium(Body.from_file(slab, path, start()), law, formulation)
+    equations = Solver(System(Body.from_file(slab, path, start()), law, formulation))
     fields, found = Fields(equations), []
     try:
-        for point in trace(Continuation(equations), [pressure / equations.stress_unit for pressure in pressures]):
+        for point in trace(
+            Continuation(equations), [pressure / equations.system.stress_unit for pressure in pressures]
+        ):
             if point.requested:
                 figures = fields.figures(point.state)
                 found.append(State(figures.device["tip_x_mm"], figures.device["tip_z_mm"], 1e6 * figures.added_volume))

@@ -18,7 +18,8 @@ from geometries import HollowDisk
 from softmodels.materials.laws import Material, NeoHookean, Yeoh
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import start
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.results.fields import Fields
 
@@ -39,8 +40,8 @@ def main() -> None:
     law: Material = NeoHookean(mu, nu) if args.energy == "coupled" else Yeoh(mu / 2, poisson=nu)
 
     started = time.perf_counter()
-    equilibrium = Equilibrium(body, law, args.form)
-    points = list(trace(Continuation(equilibrium), [p / equilibrium.stress_unit for p in args.pascals]))
+    equilibrium = Solver(System(body, law, args.form))
+    points = list(trace(Continuation(equilibrium), [p / equilibrium.system.stress_unit for p in args.pascals]))
     seconds = time.perf_counter() - started
 
     fields = Fields(equilibrium)
@@ -50,7 +51,8 @@ def main() -> None:
             "tool": "softmodels",
             "version": softmodels.__version__,
             "options": f"{args.form} {args.energy}",
-            "dofs": equilibrium.space.dofmap.index_map.size_global * equilibrium.space.dofmap.index_map_bs,
+            "dofs": equilibrium.system.space.dofmap.index_map.size_global
+            * equilibrium.system.space.dofmap.index_map_bs,
             "seconds": seconds,
             "steps": len(points) - 1,
             "iterations": sum(point.state.iterations for point in points),

@@ -52,14 +52,15 @@ Damage = Callable[[Series, np.random.Generator], tuple[Series, set[str]]]
 def device(cell_size: float = 0.006):
     from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     comm = start()
     disk = HollowDisk(section="axisymmetric", cell_size=cell_size, fillet=0.0, base_fillet=0.0)
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(disk, disk.write(Path(folder) / "disk.msh"), comm)
     choice = LawChoice.from_text("yeoh", 0.49)
-    return DeviceModel(Equilibrium(body, choice.material(choice.from_modulus(30e3))), choice)
+    return DeviceModel(Solver(System(body, choice.material(choice.from_modulus(30e3)))), choice)
 
 
 def bench_of(rng: np.random.Generator) -> dict[str, float]:
@@ -160,7 +161,7 @@ def verdict(inflation, series: Sequence[Outline]) -> tuple[bool, str, FittedLaw 
     """Whether the command would write fitted.toml, the reason if not, and the fit."""
     known = expected("ecoflex-00-30")
     try:
-        shapes, _ = prepare(series, inflation.equilibrium.body.actuator, inflation.silhouette.width)
+        shapes, _ = prepare(series, inflation.system.body.actuator, inflation.silhouette.width)
         trial = try_outlines(inflation, shapes, Bench(), changes=HOLD)
     except FitError as error:
         return False, str(error), None

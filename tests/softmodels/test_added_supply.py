@@ -48,16 +48,17 @@ def device(tmp_path_factory):
     from mpi4py import MPI
 
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     disk = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.004)
     file = disk.write(tmp_path_factory.mktemp("bottle") / "disk.msh")
-    return Equilibrium(Body.from_file(disk, file, MPI.COMM_SELF), Yeoh(10e3, 20.0, 0.0, 0.495))
+    return Solver(System(Body.from_file(disk, file, MPI.COMM_SELF), Yeoh(10e3, 20.0, 0.0, 0.495)))
 
 
 def bottle(device, cavities):
-    rest = device.rest().V
-    return Bottle(cavities * rest, rest, 101.325e3 / device.stress_unit)
+    rest = device.system.rest().V
+    return Bottle(cavities * rest, rest, 101.325e3 / device.system.stress_unit)
 
 
 def test_the_gas_obeys_its_closed_relation(device):

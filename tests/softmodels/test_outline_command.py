@@ -92,9 +92,9 @@ REFUSED = {
 
 @pytest.mark.parametrize(("made", "words", "said"), REFUSED.values(), ids=REFUSED.keys())
 def test_bad_input_is_one_sentence_before_a_solve(made, words, said, case, outlines, monkeypatch, comm):
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
 
-    monkeypatch.setattr(Equilibrium, "solve", lambda *args: pytest.fail("something was solved"))
+    monkeypatch.setattr(Solver, "solve", lambda *args: pytest.fail("something was solved"))
     done = fit(case, outlines(*made), *words)
     assert done.exit_code == 2, done.output
     assert said in done.stderr and done.stderr.count("\n") == 1
@@ -138,12 +138,13 @@ def measured(comm, tmp_path_factory):
     """Seven outlines of the case's device, of a known material."""
     from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     disk = dataclasses.replace(DISK, section="axisymmetric")
     choice = LawChoice.from_text("yeoh", 0.49)
     body = Body.from_file(disk, disk.write(tmp_path_factory.mktemp("mesh") / "disk.msh"), comm)
-    device = DeviceModel(Equilibrium(body, choice.material(TRUE)), choice)
+    device = DeviceModel(Solver(System(body, choice.material(TRUE))), choice)
     pressures, rng = np.linspace(2e3, 16e3, 7), np.random.default_rng(2)
     made = simulated_outlines(device, TRUE, pressures, Camera(bench={"centre": 1e-3}), rng=rng)
     return [dataclasses.replace(one, source=f"{i}.jpg") for i, one in enumerate(made)]
@@ -228,12 +229,13 @@ def test_a_whole_fit(case, outlines, comm, tmp_path):
     """Outlines of a known material through the command: its values, its files, and a wedge's case fitted as a section."""
     from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     disk = dataclasses.replace(DISK, section="axisymmetric")
     choice = LawChoice.from_text("yeoh", 0.49)
     body = Body.from_file(disk, disk.write(tmp_path / "disk.msh"), comm)
-    device = DeviceModel(Equilibrium(body, choice.material({"c1": 14e3, "c2": 600.0, "c3": 0.0})), choice)
+    device = DeviceModel(Solver(System(body, choice.material({"c1": 14e3, "c2": 600.0, "c3": 0.0}))), choice)
     camera = Camera(bench={"leak": 0.01, "scale": 0.002, "centre": 1e-3})
     pressures = np.array([3e3, 7e3, 11e3, 15e3])
     rng = np.random.default_rng(1)

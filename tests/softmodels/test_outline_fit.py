@@ -36,7 +36,8 @@ def inflation(comm, tmp_path_factory):
     """Return a function that gives a device under a law, once for all tests."""
     from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     folder, known = tmp_path_factory.mktemp("devices"), {}
 
@@ -45,14 +46,14 @@ def inflation(comm, tmp_path_factory):
         if key not in known:
             choice = LawChoice.from_text(law, poisson)
             body = Body.from_file(disk, disk.write(folder / f"{disk.name}.msh"), comm)
-            known[key] = DeviceModel(Equilibrium(body, choice.material(choice.from_modulus(30e3))), choice)
+            known[key] = DeviceModel(Solver(System(body, choice.material(choice.from_modulus(30e3)))), choice)
         return known[key]
 
     return make
 
 
 def source_of(device, outlines):
-    shapes, notes = prepare(outlines, device.equilibrium.body.actuator, device.silhouette.width)
+    shapes, notes = prepare(outlines, device.system.body.actuator, device.silhouette.width)
     assert not notes
     return OutlineResiduals(device, shapes)
 

@@ -17,7 +17,8 @@ ADDED = 0.6e-6
 def device(comm, tmp_path_factory):
     from softmodels.fitting.outlines.device_model import DeviceModel
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     folder, known = tmp_path_factory.mktemp("devices"), {}
 
@@ -25,7 +26,7 @@ def device(comm, tmp_path_factory):
         if disk.key not in known:
             choice = LawChoice.from_text("neo-hookean", 0.49)
             body = Body.from_file(disk, disk.write(folder / f"{disk.name}.msh"), comm)
-            known[disk.key] = DeviceModel(Equilibrium(body, choice.material({"shear_modulus": 30e3})), choice)
+            known[disk.key] = DeviceModel(Solver(System(body, choice.material({"shear_modulus": 30e3}))), choice)
         return known[disk.key]
 
     return make
@@ -35,7 +36,7 @@ def device(comm, tmp_path_factory):
 def test_at_rest_it_is_the_disk(disk, device):
     """From the axis along the top to the edge, then down to the bottom, with no gaps."""
     made = device(disk)
-    curve = made.silhouette.curve(made.equilibrium.rest())
+    curve = made.silhouette.curve(made.system.rest())
     ends = curve.nodes[:, :2]
     assert ends[0, 0] == pytest.approx([0.0, 0.0], abs=1e-12)
     assert ends[1:, 0] == pytest.approx(ends[:-1, 1], abs=1e-12)

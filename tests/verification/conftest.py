@@ -388,7 +388,8 @@ def equilibrium(body_of):
     A state of the equations belongs to the test that asks: every use begins with a solve or with values of its own.
     """
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     known = {}
 
@@ -396,9 +397,9 @@ def equilibrium(body_of):
         key = (kind, type(actuator), actuator.key, type(material), formulation)
         terms = len(getattr(material, "mu", ()))
         if (key, terms) not in known:
-            known[key, terms] = Equilibrium(body_of(actuator, kind), material, formulation)
+            known[key, terms] = Solver(System(body_of(actuator, kind), material, formulation))
         equations = known[key, terms]
-        equations.set_material(material)
+        equations.system.set_material(material)
         return equations
 
     return make

@@ -33,14 +33,15 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
 
     from softmodels.materials.laws import NeoHookean, Yeoh
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
     from softmodels.results.fields import Fields
 
     found = {}
     for name, device, file in (("wedge", WEDGE, wedge), ("slab", SLAB, slab)):
-        equations = Equilibrium(Body.from_file(device, file, comm), NeoHookean(30e3, 0.49))
+        equations = Solver(System(Body.from_file(device, file, comm), NeoHookean(30e3, 0.49)))
         fields = Fields(equations)
         for point in trace(Continuation(equations), [0.1, 0.4]):
             if point.requested:
@@ -49,7 +50,7 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
                 found[f"{name} at {point.state.P:g}"] = np.hstack(list(values.values())).tolist()
         if name == "wedge":
             found["wedge, rates and outline"] = rates(equations, 0.1)
-    equations = Equilibrium(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495))
+    equations = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495)))
     found["section past its limit, rates and outline"] = rates(equations, 6.0)
     points = []
     try:
@@ -59,7 +60,7 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
         found["limit"] = [end.limit.state.P]
     found["negative eigenvalues"] = [float(point.signature.negative_eigenvalues) for point in points]
     found["lowest eigenvalue"] = [points[0].signature.lowest, points[-1].signature.lowest]
-    found.update(bifurcation(Equilibrium(Body.from_file(TWIN, twin, comm), Yeoh(10e3, 20.0, 3.0, 0.495))))
+    found.update(bifurcation(Solver(System(Body.from_file(TWIN, twin, comm), Yeoh(10e3, 20.0, 3.0, 0.495)))))
     found["pair, one volume held and then changed"] = program(comm, pair)
     return found
 
@@ -68,11 +69,12 @@ def program(comm, pair: Path) -> list[float]:
     """Pressures, volumes, rise and signature at the steps of a program."""
     from softmodels.materials.laws import NeoHookean
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
     from softmodels.path.schedule import Series, follow
     from softmodels.results.fields import Fields
 
-    equations = Equilibrium(Body.from_file(pair_of(pair.with_suffix(".step")), pair, comm), NeoHookean(30e3, 0.49))
+    equations = Solver(System(Body.from_file(pair_of(pair.with_suffix(".step")), pair, comm), NeoHookean(30e3, 0.49)))
     fields, found = Fields(equations), []
     series = (Series("pressure_cm", (40.0, 40.0)), Series("volume_ml", (0.0, 0.03)))
     for _, point in follow(equations, series, 95.0, "auto", lambda text: None):
@@ -115,13 +117,13 @@ def rates(equations, added: float) -> list[float]:
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.quantities import AddedVolume
 
-    moving = Reshaping(equations.body, ("membrane",))
-    sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations)
+    moving = Reshaping(equations.system.body, ("membrane",))
+    sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations.system)
     moving.move({"membrane": 1.02 * moving.nominal["membrane"]})
     state = list(trace(Continuation(equations, AddedVolume()), [added]))[-1].state
     _, found = sensitivity.rates(state, volume_control(state.V), ("shear_modulus", "poisson", "membrane"))
     curve = silhouette.curve(state, {"membrane": 1.02 * moving.nominal["membrane"]})
-    size = equations.length_unit
+    size = equations.system.length_unit
     closest = curve.closest(size * np.array([[0.1, 0.3], [0.5, 0.2], [0.9, 0.1]]))
     moved = closest.moved(silhouette.rate(found["membrane"].w, "membrane"))
     moving.move({})

@@ -41,13 +41,13 @@ def tube(bodies, equilibrium, tube_body):
 
 @pytest.fixture(scope="module")
 def exact(tube, critical_pressure):
-    shape = tube.body.actuator
+    shape = tube.system.body.actuator
     return critical_pressure(RUBBER, shape.inner, shape.outer, 0.02, 0.03, along=math.pi / shape.height)
 
 
 @pytest.fixture(scope="module")
 def bulged(tube, solved):
-    return solved(tube, [1.05 * 9 * tube.rest().V], "volume", "volume")
+    return solved(tube, [1.05 * 9 * tube.system.rest().V], "volume", "volume")
 
 
 def test_bulging_tube(tube, exact, bulged, figure):
@@ -56,9 +56,9 @@ def test_bulging_tube(tube, exact, bulged, figure):
     _, points, end = bulged
     assert end is None
     first = bifurcations(points)[0]
-    figure(TUBE, "pressure at which it bulges", first.state.P * tube.stress_unit / pressure - 1, 4e-6)
-    wanted = (radius / tube.body.actuator.inner) ** 2
-    figure(TUBE, "volume at which it bulges", first.state.V / tube.rest().V / wanted - 1, 9e-5)
+    figure(TUBE, "pressure at which it bulges", first.state.P * tube.system.stress_unit / pressure - 1, 4e-6)
+    wanted = (radius / tube.system.body.actuator.inner) ** 2
+    figure(TUBE, "volume at which it bulges", first.state.V / tube.system.rest().V / wanted - 1, 9e-5)
     at = points.index(first)
     assert all(point.stable_under_pressure and point.stable_under_volume for point in points[:at])
     beyond = points[at + 1 :]
@@ -71,8 +71,8 @@ def test_bulging_mode_is_a_half_wave(tube, bulged, figure):
     first = bifurcations(points)[0]
     fields = Fields(tube)
     u = fields.shape(first.mode)
-    X, height = fields.grid.points, tube.body.actuator.height
-    inner = np.abs(X[:, 0] - tube.body.actuator.inner) < 1e-9
+    X, height = fields.grid.points, tube.system.body.actuator.height
+    inner = np.abs(X[:, 0] - tube.system.body.actuator.inner) < 1e-9
     wave = np.cos(np.pi * X[inner, 2] / height)
     share = u[inner, 0] @ wave / np.linalg.norm(u[inner, 0]) / np.linalg.norm(wave)
     figure(TUBE, "1 less the cosine of mode and half wave", abs(share) - 1, 4e-8)
@@ -81,7 +81,9 @@ def test_bulging_mode_is_a_half_wave(tube, bulged, figure):
 @pytest.mark.parametrize("longest", [0.3, 1.5])
 def test_step_sizes_do_not_move_a_bifurcation(tube, bulged, solved, longest, figure):
     first = bifurcations(bulged[1])[0]
-    _, points, _ = solved(tube, [6 * tube.rest().V], "volume", "volume", largest_step=longest * tube.rest().V)
+    _, points, _ = solved(
+        tube, [6 * tube.system.rest().V], "volume", "volume", largest_step=longest * tube.system.rest().V
+    )
     (again,) = bifurcations(points)
     against = "the bulge met by other steps"
     figure(against, "volume", again.state.V / first.state.V - 1, 4e-6)
@@ -109,8 +111,8 @@ def test_ring_under_pressure_from_outside(bodies, equilibrium, outside_body, cri
     shape = bodies.Tube(section="quarter", outer=0.012, through=1.5, height=0.001, pressed="outside")
     ring = equilibrium(shape, SOFT, kind=outside_body)
     pressure, _ = critical_pressure(SOFT, shape.inner, shape.outer, 0.0098, 0.009999, outside=True, around=2)
-    _, points, _ = solved(ring, [2 * pressure / ring.stress_unit])
+    _, points, _ = solved(ring, [2 * pressure / ring.system.stress_unit])
     first = bifurcations(points)[0]
     against = "exact incremental theory of a ring under pressure from outside"
-    figure(against, "buckling pressure", first.state.P * ring.stress_unit / pressure - 1, 1.2e-3)
+    figure(against, "buckling pressure", first.state.P * ring.system.stress_unit / pressure - 1, 1.2e-3)
     assert first.stable_under_pressure and not points[-1].stable_under_volume

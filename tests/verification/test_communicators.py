@@ -10,7 +10,8 @@ from mpi4py import MPI
 from geometries import HollowDisk
 from softmodels.materials.laws import Yeoh
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.results.fields import Fields
 
@@ -33,7 +34,7 @@ def _free():
 def _inflate(file, k):
     disk = HollowDisk(section="axisymmetric", membrane=2e-3 + 1e-5 * k)
     disk.write(file)
-    equilibrium = Equilibrium(Body.from_file(disk, file, MPI.COMM_SELF), Yeoh(14e3, 60.0))
+    equilibrium = Solver(System(Body.from_file(disk, file, MPI.COMM_SELF), Yeoh(14e3, 60.0)))
     fields = Fields(equilibrium)
     return [fields.figures(point.state).pressure for point in trace(Continuation(equilibrium), [0.02])]
 

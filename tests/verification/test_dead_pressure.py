@@ -44,13 +44,13 @@ def theory():
 
 @pytest.fixture(scope="module")
 def ridden(balloon, theory):
-    top = 1.2 * pressure(theory["up"][0]) / balloon.stress_unit
+    top = 1.2 * pressure(theory["up"][0]) / balloon.system.stress_unit
     return list(cycle(Continuation(balloon), [0.5 * top, top])), top
 
 
 def stretch(balloon, point):
     """Of the middle of the wall; see `test_limit_points`."""
-    inner = (point.state.V / balloon.rest().V) ** (1 / 3)
+    inner = (point.state.V / balloon.system.rest().V) ** (1 / 3)
     middle = (1 + THIN / 2 / (1 - THIN / 2)) ** 3
     return ((inner**3 - 1 + middle) / middle) ** (1 / 3)
 
@@ -64,7 +64,7 @@ def test_limit_points_and_jumps(balloon, ridden, theory, way, figure):
     before, after = points[at - 1], points[at]
     assert before.limit and after.stable_under_pressure
     limit, landing = theory[way]
-    figure(SHELL, "limit pressures", before.state.P * balloon.stress_unit / pressure(limit) - 1, 6e-5)
+    figure(SHELL, "limit pressures", before.state.P * balloon.system.stress_unit / pressure(limit) - 1, 6e-5)
     figure(SHELL, "pressure before and after a jump", after.state.P / before.state.P - 1, 1e-12)
     figure(SHELL, "stretch at the limit points", stretch(balloon, before) / limit - 1, 6e-5)
     figure(SHELL, "stretch where it lands", stretch(balloon, after) / landing - 1, 1e-4)
@@ -79,7 +79,7 @@ def test_the_way_back_is_another(balloon, ridden):
     assert all(point.stable_under_pressure for point in points if not point.limit)
     up = [point for point in asked if pytest.approx(0.5 * top) == point.state.P]
     assert len(up) == 2
-    assert pytest.approx(balloon.rest().V, rel=1e-9) == points[-1].state.V
+    assert pytest.approx(balloon.system.rest().V, rel=1e-9) == points[-1].state.V
     rising = np.diff([point.state.V for point in points])
     turn = int(np.argmax([point.state.P for point in points]))
     assert (rising[:turn] > -1e-9).all() and (rising[turn:] < 1e-9).all()

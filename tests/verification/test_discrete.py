@@ -34,40 +34,40 @@ def shell(bodies):
 def shaken(equations, P=0.3, seed=7):
     """Put the equations into a random state that respects the supports; returns a random direction of the same kind."""
     generator = np.random.default_rng(seed)
-    mesh = equations.body.mesh
-    size = 0.02 * mesh.h(mesh.topology.dim, equations.cells).min()  # strains of some 0.2, no cell inside out
-    free = np.ones(len(equations.w.x.array))
-    for bc in equations.bcs:
+    mesh = equations.system.body.mesh
+    size = 0.02 * mesh.h(mesh.topology.dim, equations.system.cells).min()  # strains of some 0.2, no cell inside out
+    free = np.ones(len(equations.system.w.x.array))
+    for bc in equations.system.bcs:
         free[bc.dof_indices()[0]] = 0.0
-    equations.w.x.array[:] = size * generator.standard_normal(len(free)) * free
-    equations.P.value = P
-    assert equations.smallest_J() > 0.2
+    equations.system.w.x.array[:] = size * generator.standard_normal(len(free)) * free
+    equations.system.potential.P.value = P
+    assert equations.system.smallest_J() > 0.2
     return size * generator.standard_normal(len(free)) * free
 
 
 def force(equations):
     """Residual of the current state: inner forces less the cavity pressure's."""
-    inner = equations._assemble(equations._inner).copy()
-    return inner - float(equations.P.value) * equations._assemble([equations._loads[0]])
+    inner = equations.system.internal_forces().copy()
+    return inner - float(equations.system.potential.P.value) * equations.system.pressure_loads()[0]
 
 
 def own_assembly(equations, form):
     """A linear form on the equations' space, zero at held dofs."""
     from dolfinx import fem
 
-    return equations._assemble([fem.form(form)]).copy()
+    return equations.system.assemble([fem.form(form)]).copy()
 
 
 def traction(equations):
     """The form of the load of a unit pressure: - int cof(F) N . v dS."""
     import ufl
 
-    body, test = equations.body, ufl.TestFunction(equations.space)
-    v = body.displacement(ufl.split(test)[0] if equations.mixed else test)
+    body, test = equations.system.body, ufl.TestFunction(equations.system.space)
+    v = body.displacement(ufl.split(test)[0] if equations.system.mixed else test)
     N = ufl.FacetNormal(body.mesh)
     if body.axisymmetric:
         v, N = ufl.as_vector([v[0], 0, v[1]]), ufl.as_vector([N[0], 0, N[1]])
-    F = body.deformation_gradient(ufl.split(equations.w)[0] if equations.mixed else equations.w)
+    F = body.deformation_gradient(ufl.split(equations.system.w)[0] if equations.system.mixed else equations.system.w)
     return -ufl.dot(ufl.dot(ufl.cofac(F), N), v) * body.hoop * body.measures()[1]
 
 
@@ -85,7 +85,7 @@ def test_load_is_the_pressure_on_the_deformed_wall(device, bodies, equilibrium, 
     """dV[v] of the volume's closed surface integral is the integral of v . n over the wall alone, whatever the state."""
     equations = equilibrium(device(bodies), LAWS["neo-hookean"])
     shaken(equations)
-    load = equations._assemble([equations._loads[0]]).copy()
+    load = equations.system.pressure_loads()[0].copy()
     apart = (load - own_assembly(equations, traction(equations))) / np.abs(load).max()
     figure("derivative of the cavity's volume", "pressure on the deformed wall", apart, 1e-12)
     assert np.abs(load).max() > 1e-3
@@ -94,9 +94,11 @@ def test_load_is_the_pressure_on_the_deformed_wall(device, bodies, equilibrium, 
 @pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES.keys())
 def test_volume_of_the_undeformed_cavity(device, bodies, equilibrium):
     equations = equilibrium(device(bodies), LAWS["neo-hookean"])
-    actuator = equations.body.actuator
-    rest = equations.rest().V * equations.volume_unit
-    assert rest == pytest.approx(actuator.cavity_volume, rel=3e-3 if equations.body.actuator.dimension == 3 else 1e-4)
+    actuator = equations.system.body.actuator
+    rest = equations.system.rest().V * equations.system.volume_unit
+    assert rest == pytest.approx(
+        actuator.cavity_volume, rel=3e-3 if equations.system.body.actuator.dimension == 3 else 1e-4
+    )
 
 
 @laws
@@ -105,13 +107,13 @@ def test_tangent_is_symmetric_and_the_product_is_the_matrix(law, section, shell,
     from scipy.sparse import csr_matrix
 
     equations = equilibrium(shell[section], law)
-    direction = shaken(equations)[: equations.n]
-    equations._assemble_tangent()
-    rows, columns, values = equations.K.getValuesCSR()
+    direction = shaken(equations)[: equations.system.n]
+    equations.system.assemble_tangent()
+    rows, columns, values = equations.system.K.getValuesCSR()
     K = csr_matrix((values, columns, rows))
     figure("tangent, every law", "its transpose", abs(K - K.T).max() / abs(K).max(), 1e-12)
-    product = np.empty(equations.n)
-    equations._multiply(direction, product)
+    product = np.empty(equations.system.n)
+    equations.system.tangent_product(direction, product)
     figure("tangent, every law", "product without a matrix", (product - K @ direction) / np.abs(product).max(), 1e-12)
 
 
@@ -123,15 +125,15 @@ def test_derivatives_follow_the_potential(law, section, shell, equilibrium, figu
     direction = shaken(equations)
 
     def potential():
-        return equations.stored_energy() - float(equations.P.value) * equations.volume()
+        return equations.system.stored_energy() - float(equations.system.potential.P.value) * equations.system.volume()
 
-    w, Pi = equations.w.x.array.copy(), potential()
-    product = np.empty(equations.n)
-    equations._multiply(direction[: equations.n], product)
-    first, second = force(equations) @ direction[: equations.n], product @ direction[: equations.n]
+    w, Pi = equations.system.w.x.array.copy(), potential()
+    product = np.empty(equations.system.n)
+    equations.system.tangent_product(direction[: equations.system.n], product)
+    first, second = force(equations) @ direction[: equations.system.n], product @ direction[: equations.system.n]
     steps, left, left2 = 0.5 ** np.arange(3, 7), [], []
     for step in steps:
-        equations.w.x.array[:] = w + step * direction
+        equations.system.w.x.array[:] = w + step * direction
         left.append(potential() - Pi - step * first)
         left2.append(left[-1] - step**2 / 2 * second)
     figure(
@@ -146,11 +148,11 @@ def test_derivatives_follow_the_potential(law, section, shell, equilibrium, figu
 def test_residual_of_the_tangent_falls_as_the_square(formulation, shell, equilibrium):
     equations = equilibrium(shell["axisymmetric"], LAWS["neo-hookean"], formulation)
     direction = shaken(equations)
-    w, start, product = equations.w.x.array.copy(), force(equations), np.empty(equations.n)
-    equations._multiply(direction[: equations.n], product)
+    w, start, product = equations.system.w.x.array.copy(), force(equations), np.empty(equations.system.n)
+    equations.system.tangent_product(direction[: equations.system.n], product)
     left = []
     for step in 0.5 ** np.arange(2, 6):
-        equations.w.x.array[:] = w + step * direction
+        equations.system.w.x.array[:] = w + step * direction
         left.append(np.linalg.norm(force(equations) - start - step * product))
     assert np.log2(np.array(left[:-1]) / left[1:])[-1] == pytest.approx(2.0, abs=0.1)
 
@@ -170,11 +172,11 @@ def nominal(law, F):
 
 def imposed(equations, F):
     """Put the equations into the homogeneous state F, with the pressure-like unknown that belongs to it."""
-    body, d = equations.body, equations.body.actuator.dimension
+    body, d = equations.system.body, equations.system.body.actuator.dimension
     G = (F - np.eye(3)) if d == 3 else (F - np.eye(3))[np.ix_([0, 2], [0, 2])]
-    displacement, pressure = equations.w.sub(0), equations.w.sub(1)
+    displacement, pressure = equations.system.w.sub(0), equations.system.w.sub(1)
     displacement.interpolate(lambda X: body.skew @ G @ X[:d])
-    value = equations.material.bulk / equations.stress_unit * (np.linalg.det(F) - 1)
+    value = equations.system.material.bulk / equations.system.stress_unit * (np.linalg.det(F) - 1)
     pressure.interpolate(lambda X: np.full(X.shape[1], value))
 
 
@@ -182,8 +184,8 @@ def linear_field(equations, A):
     """Dof values of the virtual displacement v = A X, nothing in the pressure's part."""
     from dolfinx import fem
 
-    field, d = fem.Function(equations.space), equations.body.actuator.dimension
-    field.sub(0).interpolate(lambda X: equations.body.skew @ A @ X[:d])
+    field, d = fem.Function(equations.system.space), equations.system.body.actuator.dimension
+    field.sub(0).interpolate(lambda X: equations.system.body.skew @ A @ X[:d])
     return field.x.array
 
 
@@ -202,11 +204,11 @@ def test_patch_of_tetrahedra_has_the_laws_stress(law, bodies, equilibrium):
 
     equations = equilibrium(bodies.Block(cells=2), law)
     imposed(equations, GRADIENT)
-    forces = fem.assemble_vector(equations._inner[0]).array
-    coordinates = equations.space.sub(0).collapse()[0].tabulate_dof_coordinates()
+    forces = fem.assemble_vector(equations.system._internal[0]).array
+    coordinates = equations.system.space.sub(0).collapse()[0].tabulate_dof_coordinates()
     inside = ((coordinates > 1e-9) & (coordinates < 1 - 1e-9)).all(axis=1)
     assert inside.sum() > 5
-    dofs = np.array(equations.space.sub(0).collapse()[1]).reshape(-1, 3)
+    dofs = np.array(equations.system.space.sub(0).collapse()[1]).reshape(-1, 3)
     near = exactness(law)
     assert np.abs(forces[dofs[inside]]).max() < near
     assert np.abs(forces[np.setdiff1d(np.arange(len(forces)), dofs)]).max() < near
@@ -226,11 +228,11 @@ def test_patch_of_triangles_has_the_laws_stress(law, bodies, equilibrium):
     equations = equilibrium(bodies.Block(section="axisymmetric", cells=3), law)
     F = np.diag([1.3, 1.3, 0.8])
     imposed(equations, F)
-    forces = fem.assemble_vector(equations._inner[0]).array
+    forces = fem.assemble_vector(equations.system._internal[0]).array
     P, near = nominal(law, F), exactness(law)
     assert forces @ linear_field(equations, np.diag([1.0, 0.0])) == pytest.approx(np.pi * (P[0, 0] + P[1, 1]), abs=near)
     assert forces @ linear_field(equations, np.diag([0.0, 1.0])) == pytest.approx(np.pi * P[2, 2], abs=near)
-    space, dofs = equations.space.sub(0).collapse()
+    space, dofs = equations.system.space.sub(0).collapse()
     coordinates = space.tabulate_dof_coordinates()[:, :2]
     inside = (coordinates[:, 1] > 1e-9) & (coordinates < 1 - 1e-9).all(axis=1)  # the axis is inside the cylinder
     assert np.abs(forces[np.array(dofs).reshape(-1, 2)[inside]]).max() < near
@@ -246,7 +248,7 @@ def test_block_under_pressure_from_all_sides(law, section, bodies, equilibrium, 
 
     law = dataclasses.replace(law, poisson=0.3)
     equations = equilibrium(bodies.Block(section=section, cells=2), law)
-    state = equations.rest()
+    state = equations.system.rest()
     equations.factorise(state)
     for P in (0.25, 0.5):
         state = equations.solve(pressure_control(P), state.w, P)
@@ -257,6 +259,6 @@ def test_block_under_pressure_from_all_sides(law, section, bodies, equilibrium, 
     stretch = brentq(out_of_balance, 0.3, 1.0, xtol=1e-15)
     volume = -(stretch**3) * (1.0 if section == "cube" else np.pi)
     figure("root of dW/dJ = -P, a block pressed from all sides", "volume, every law", state.V / volume - 1, 6e-10)
-    equations.load(state)
-    ratios = equations._J.eval(equations.body.mesh, equations.cells)
+    equations.system.load(state)
+    ratios = equations.system._J.eval(equations.system.body.mesh, equations.system.cells)
     assert ratios == pytest.approx(stretch**3, rel=1e-9)

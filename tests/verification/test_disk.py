@@ -30,7 +30,7 @@ def inflated(equilibrium, solved):
         key = (disk, columns, law, formulation, *options.items())
         if key not in known:
             equations = equilibrium(disk, law, formulation)
-            goals = [column * CM / equations.stress_unit for column in columns]
+            goals = [column * CM / equations.system.stress_unit for column in columns]
             _, points, end = solved(equations, goals, **options)
             assert end is None
             fields, states = Fields(equations), [point.state for point in points if point.requested]

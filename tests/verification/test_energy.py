@@ -49,9 +49,11 @@ def test_work_is_stored(name, equilibrium, solved, figure):
     assert end is None
     assert any(point.limit for point in points) == falls
     assert (points[-1].tangent.P < 0) == falls
-    equations.load(points[-1].state)
-    stored = equations.stored_energy()
+    equations.system.load(points[-1].state)
+    stored = equations.system.stored_energy()
     figure("work of the pressure", f"stored energy, {name}", stored / work(points) - 1, most)
     figures = Fields(equations).figures(points[-1].state)
-    assert figures.stored_energy == pytest.approx(stored * equations.stress_unit * equations.volume_unit, rel=1e-12)
+    assert figures.stored_energy == pytest.approx(
+        stored * equations.system.stress_unit * equations.system.volume_unit, rel=1e-12
+    )
     assert 0.3 < figures.stored_energy / (figures.pressure * figures.added_volume) < 3.0

@@ -28,7 +28,7 @@ def balloon(bodies, equilibrium):
 def limit(balloon, solved):
     """The balloon's limit point, met by a path that was asked for twice the pressure it can bear."""
     _, expected = balloon_limit(RUBBER, THIN)
-    _, points, end = solved(balloon, [2 * expected / balloon.stress_unit])
+    _, points, end = solved(balloon, [2 * expected / balloon.system.stress_unit])
     assert end is not None and "limit point" in str(end)
     assert [point.limit for point in points].count(True) == 1
     return end.limit
@@ -37,13 +37,13 @@ def limit(balloon, solved):
 def test_balloon_limit_pressure(balloon, limit, figure):
     """A wall of middle radius R has the pressure of a thin one up to (t/R)^2: 3e-6 here, by the thick wall's integral."""
     _, expected = balloon_limit(RUBBER, THIN)
-    figure(SHELL, "limit pressure", limit.state.P * balloon.stress_unit / expected - 1, 5e-6)
+    figure(SHELL, "limit pressure", limit.state.P * balloon.system.stress_unit / expected - 1, 5e-6)
 
 
 def test_balloon_limit_stretch(balloon, limit, figure):
     """7^(1/6) holds for the middle of the wall. The inner face is stretched by t/R / 2 (1 - stretch^-3) more of itself."""
-    shell = balloon.body.actuator
-    inner = (limit.state.V / balloon.rest().V) ** (1 / 3)
+    shell = balloon.system.body.actuator
+    inner = (limit.state.V / balloon.system.rest().V) ** (1 / 3)
     middle = ((shell.inner + shell.outer) / 2 / shell.inner) ** 3
     stretch = ((inner**3 - 1 + middle) / middle) ** (1 / 3)  # the wall between keeps its volume
     figure(SHELL, "stretch at the limit, 7^(1/6)", stretch / 7 ** (1 / 6) - 1, 1e-5)
@@ -60,7 +60,7 @@ def test_pressure_control_names_the_limit_too(balloon, limit, solved, figure):
 
 @pytest.mark.parametrize("control", ["auto", "volume", "arc-length"])
 def test_other_controls_meet_the_same_limit(balloon, limit, solved, control, figure):
-    added = limit.state.V - balloon.rest().V
+    added = limit.state.V - balloon.system.rest().V
     _, points, end = solved(balloon, [0.98 * added, added, 1.02 * added, 1.5 * added], control, "volume")
     assert end is None
     at = [point.state.P for point in points if point.requested]
@@ -195,12 +195,12 @@ class Continuation:
 
 def compared(equations, solved, held, highest, step, steps):
     """PETSc's path, and the library's pressures at the volumes of its states."""
-    body = equations.body
-    reference = Continuation(body.mesh, (body.cavity, CAVITY), equations.material, held)
+    body = equations.system.body
+    reference = Continuation(body.mesh, (body.cavity, CAVITY), equations.system.material, held)
     path = reference.follow(highest, step, steps)
     order = np.argsort(path[:, 1])
-    path = path[order][path[order, 1] > equations.rest().V * (1 + 1e-9)]
-    _, points, end = solved(equations, path[:, 1] - equations.rest().V, "volume", "volume")
+    path = path[order][path[order, 1] > equations.system.rest().V * (1 + 1e-9)]
+    _, points, end = solved(equations, path[:, 1] - equations.system.rest().V, "volume", "volume")
     assert end is None
     return path, np.array([point.state.P for point in points if point.requested])
 

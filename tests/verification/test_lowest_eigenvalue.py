@@ -12,7 +12,7 @@ import scipy.sparse
 
 from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean, Yeoh
-from softmodels.mechanics.solver import NoConvergence
+from softmodels.mechanics.newton import NoConvergence
 from softmodels.path import stability
 from softmodels.path.lanczos import lowest
 
@@ -32,9 +32,9 @@ def dense(matrix):
 def known_lowest(equations, state):
     """The lowest eigenvalue of displacements alone, p eliminated, by LAPACK."""
     equations.factorise(state)
-    K, M = dense(equations.K), dense(stability.Stability.of(equations).M)
-    p = np.ravel(equations.space.sub(1).collapse()[1])
-    free = np.setdiff1d(np.arange(len(K)), np.concatenate([p, *(bc.dof_indices()[0] for bc in equations.bcs)]))
+    K, M = dense(equations.system.K), dense(stability.Stability.of(equations).M)
+    p = np.ravel(equations.system.space.sub(1).collapse()[1])
+    free = np.setdiff1d(np.arange(len(K)), np.concatenate([p, *(bc.dof_indices()[0] for bc in equations.system.bcs)]))
     coupling = K[np.ix_(p, free)]
     A = K[np.ix_(free, free)] - coupling.T @ np.linalg.solve(K[np.ix_(p, p)], coupling)
     return scipy.linalg.eigh(A, M[np.ix_(free, free)], eigvals_only=True, subset_by_index=[0, 0])[0]
@@ -50,7 +50,7 @@ def checked(equations, points):
 def ballooned(bodies, equilibrium, solved):
     """A balloon of a silicone that hardens late, past both its limit points, with its equations."""
     equations = equilibrium(bodies.Sphere(inner=0.01, outer=0.011, through=1, along=6), Yeoh(10e3, 60.0, 3.0, 0.495))
-    _, points, _ = solved(equations, [60 * equations.rest().V], quantity="volume")
+    _, points, _ = solved(equations, [60 * equations.system.rest().V], quantity="volume")
     return equations, points
 
 
@@ -66,7 +66,7 @@ def test_past_two_limit_points(ballooned, figure):
 def test_past_a_limit_point_of_a_disk(equilibrium, solved, figure):
     """There eigenvalues of both signs are alike in size, between which inverse iterations cannot choose in time."""
     equations = equilibrium(DISK, SOFT)
-    goals = [volume * 1e-6 / equations.volume_unit for volume in (35.0, 40.0, 45.0)]
+    goals = [volume * 1e-6 / equations.system.volume_unit for volume in (35.0, 40.0, 45.0)]
     _, points, _ = solved(equations, goals, quantity="volume")
     found, wanted = checked(equations, [point for point in points if point.requested])
     assert (wanted < 0.0).all()
@@ -76,7 +76,7 @@ def test_past_a_limit_point_of_a_disk(equilibrium, solved, figure):
 def test_at_a_bifurcation_past_a_limit_point(equilibrium, solved, figure):
     """There the lowest eigenvalue is negative already, and another one is zero."""
     equations = equilibrium(TWIN, HARDENING)
-    _, points, _ = solved(equations, [90e-6 / equations.volume_unit], quantity="volume")
+    _, points, _ = solved(equations, [90e-6 / equations.system.volume_unit], quantity="volume")
     found, wanted = checked(equations, [point for point in points if point.bifurcation] + points[-1:])
     assert len(found) >= 2 and (found < -0.1).all()
     figure(DENSE, "a disk at a bifurcation past its limit point", found / wanted - 1, 2.3e-8)
@@ -86,7 +86,7 @@ def test_where_the_tangent_is_not_factorised(equilibrium, solved, monkeypatch, f
     """The modes of the last factorisation lead there."""
     monkeypatch.setattr(stability, "ALWAYS", 0)
     equations = equilibrium(DISK, SOFT)
-    _, points, _ = solved(equations, [25e-6 / equations.volume_unit], quantity="volume", largest_step=0.2)
+    _, points, _ = solved(equations, [25e-6 / equations.system.volume_unit], quantity="volume", largest_step=0.2)
     aside = [point for point in points if not point.signature.exact]
     assert len(aside) > len(points) / 2
     found, wanted = checked(equations, aside[::4])
@@ -108,8 +108,8 @@ def test_a_section_and_a_wedge_agree_far_past_the_limit_point(equilibrium, solve
     values = []
     for options in ({"section": "axisymmetric"}, {"angle": 20.0}):
         equations = equilibrium(HollowDisk.variant("shadow", **COARSE, **options), SOFT)
-        _, points, _ = solved(equations, [45e-6 / equations.volume_unit], quantity="volume")
-        values.append(points[-1].signature.lowest * equations.stress_unit)
+        _, points, _ = solved(equations, [45e-6 / equations.system.volume_unit], quantity="volume")
+        values.append(points[-1].signature.lowest * equations.system.stress_unit)
     assert values[0] < 0
     figure(
         "a section's lowest eigenvalue far past the limit", "the wedge's, coarse cells", values[1] / values[0] - 1, 6e-3

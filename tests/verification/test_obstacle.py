@@ -15,7 +15,8 @@ from softmodels.materials.laws import NeoHookean
 from softmodels.materials.strain import HomogeneousStrain
 from softmodels.mechanics.contact import ONSET, Obstacle, ObstacleError
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.results.fields import Fields
 
 UNIFORM = "uniform state of a block against a rigid plane"
@@ -31,7 +32,7 @@ def pressed(body_of):
     """The disk's section under a plate: its equations, its path, and its figures at the end."""
     from softmodels.path.continuation import Continuation, trace
 
-    equations = Equilibrium(body_of(SECTION), RUBBER, obstacle=PLATE)
+    equations = Solver(System(body_of(SECTION), RUBBER, obstacle=PLATE))
     points = list(trace(Continuation(equations, largest_step=PRESSED / 25), [PRESSED]))
     return equations, points, Fields(equations).figures(points[-1].state)
 
@@ -41,8 +42,8 @@ def pressed(body_of):
 def test_a_block_that_swells_against_a_plane_is_in_a_uniform_state(plane, section, bodies, body_of, figure):
     """Tension on all faces but for what the plane presses back: two stretches from two equations."""
     block, k, P = bodies.Block(section=section), 30.0, -0.4
-    equations = Equilibrium(body_of(block), SOFT, "displacement", obstacle=Obstacle("cavity", plane, k))
-    rest = equations.rest()
+    equations = Solver(System(body_of(block), SOFT, "displacement", obstacle=Obstacle("cavity", plane, k)))
+    rest = equations.system.rest()
     state = equations.solve(pressure_control(P / 2), rest.w, P / 2)
     state = equations.solve(pressure_control(P), state.w, P)
 
@@ -70,19 +71,19 @@ def test_derivatives_are_those_of_the_energy(pressed):
     """Taylor: what a difference of the energy leaves of the force, and of the force of the tangent, falls quadratically."""
     equations, points, _ = pressed
     state = points[-1].state
-    way = np.random.default_rng(7).standard_normal(equations.n) * 0.02
-    for bc in equations.bcs:
+    way = np.random.default_rng(7).standard_normal(equations.system.n) * 0.02
+    for bc in equations.system.bcs:
         bc.set(way, alpha=0.0)
 
     def at(step):
-        equations.load(state)
-        equations.w.x.array[: equations.n] += step * way
-        equations.w.x.scatter_forward()
-        force = equations._assemble(equations._inner).copy()
-        product = np.empty(equations.n)
-        equations._multiply(way, product)
-        load = float(equations.P.value) * equations._assemble([equations._loads[0]]).copy()
-        return equations.stored_energy(), force, force - load, product
+        equations.system.load(state)
+        equations.system.w.x.array[: equations.system.n] += step * way
+        equations.system.w.x.scatter_forward()
+        force = equations.system.internal_forces().copy()
+        product = np.empty(equations.system.n)
+        equations.system.tangent_product(way, product)
+        load = float(equations.system.potential.P.value) * equations.system.pressure_loads()[0].copy()
+        return equations.system.stored_energy(), force, force - load, product
 
     energy, force, residual, product = at(0.0)
     steps = np.array([4e-3, 2e-3, 1e-3])
@@ -98,10 +99,10 @@ def test_derivatives_are_those_of_the_energy(pressed):
 def test_the_base_holds_what_the_plate_presses(pressed, figure):
     """Air pressure in a closed cavity moves nothing as a whole: the plate's force is the support's."""
     equations, points, figures = pressed
-    equations.load(points[-1].state)
-    unit = equations.stress_unit * equations.length_unit**2
-    component = int(np.argmax(equations.body.skew @ [0.0, 1.0]))
-    held = -equations.force("support", component) * unit
+    equations.system.load(points[-1].state)
+    unit = equations.system.stress_unit * equations.system.length_unit**2
+    component = int(np.argmax(equations.system.body.skew @ [0.0, 1.0]))
+    held = -equations.system.force("support", component) * unit
     figure("force of a disk's support", "contact force", figures.device["contact_force_N"] / held - 1, 4.5e-12)
     assert figures.device["contact_force_N"] > 0.3 * figures.pressure * math.pi * SECTION.cavity_radius**2
     assert figures.rises["apex"] == pytest.approx(1e-3, rel=0.1) and points[1].state.V > points[0].state.V
@@ -114,15 +115,15 @@ def test_works_balance(pressed, figure):
     slope = np.array([point.tangent.P / point.tangent.V for point in points])
     h = np.diff(V)
     work = np.sum(h * (P[1:] + P[:-1]) / 2 - h**2 * np.diff(slope) / 12)
-    equations.load(points[-1].state)
-    figure("work of the pressure under a plate", "stored energy", equations.stored_energy() / work - 1, 6e-5)
+    equations.system.load(points[-1].state)
+    figure("work of the pressure under a plate", "stored energy", equations.system.stored_energy() / work - 1, 6e-5)
 
 
 def test_a_stiffer_plane_is_sunk_into_less_and_presses_as_much(body_of, solved):
     """100 sinks in by less than 1 % of the size at a contact pressure below one shear modulus."""
     found = {}
     for stiffness in (100.0, 400.0):
-        equations = Equilibrium(body_of(SECTION), RUBBER, obstacle=Obstacle("top", "z = 17 mm", stiffness))
+        equations = Solver(System(body_of(SECTION), RUBBER, obstacle=Obstacle("top", "z = 17 mm", stiffness)))
         _, points, end = solved(equations, [PRESSED])
         assert end is None
         found[stiffness] = Fields(equations).figures(points[-1].state).device
@@ -134,7 +135,7 @@ def test_a_stiffer_plane_is_sunk_into_less_and_presses_as_much(body_of, solved):
 
 def test_a_wedge_presses_as_its_section_does(pressed, body_of, solved, figure):
     disk = dataclasses.replace(SECTION, section="wedge", cell_size=0.006, refinement=1.0)
-    equations = Equilibrium(body_of(disk), RUBBER, obstacle=PLATE)
+    equations = Solver(System(body_of(disk), RUBBER, obstacle=PLATE))
     _, points, end = solved(equations, [PRESSED])
     assert end is None
     force = Fields(equations).figures(points[-1].state).device["contact_force_N"]
@@ -147,9 +148,9 @@ def test_a_mirror_plane_stops_the_walls_of_two_neighbours(bodies, body_of, solve
     than the pressure has over the balloon's widest section."""
     shell = bodies.Sphere(through=2, along=24)
     plane = f"z = {shell.outer * 1.02e3} mm"
-    equations = Equilibrium(body_of(shell), RUBBER, obstacle=Obstacle("outer", plane))
-    goal = 0.3 * equations.rest().V
-    _, free, _ = solved(Equilibrium(body_of(shell), RUBBER), [goal], "volume", "volume")
+    equations = Solver(System(body_of(shell), RUBBER, obstacle=Obstacle("outer", plane)))
+    goal = 0.3 * equations.system.rest().V
+    _, free, _ = solved(Solver(System(body_of(shell), RUBBER)), [goal], "volume", "volume")
     _, points, end = solved(equations, [goal], "volume", "volume")
     assert end is None
     figures = Fields(equations).figures(points[-1].state)
@@ -181,4 +182,4 @@ def test_a_case_keeps_its_contact_and_refuses_what_makes_none(body_of):
         (Obstacle("outer", "z = 9 mm"), "both sides"),
     ):
         with pytest.raises(ObstacleError, match=words):
-            Equilibrium(body_of(SECTION), RUBBER, obstacle=obstacle)
+            Solver(System(body_of(SECTION), RUBBER, obstacle=obstacle))

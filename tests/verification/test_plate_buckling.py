@@ -22,7 +22,9 @@ from scipy.optimize import brentq
 
 from softmodels.materials.laws import MooneyRivlin, NeoHookean
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.potential import Potential
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.results.fields import Fields
 
 THEORY = "exact incremental theory of a plate pushed together, lengths of 5 and 2 thicknesses"
@@ -61,16 +63,20 @@ class PushedBody(Body):
         return (ufl.SpatialCoordinate(self.mesh) - self.displacement(w))[0]
 
 
-class BetweenPlatens(Equilibrium):
+class BetweenPlatens(Potential):
     """A stiffness against any slope of the platen's displacement: it moves as one and stays upright."""
 
-    def energies(self, density, stiffness):
+    def stored(self, density, stiffness):
         import ufl
 
         on_face, N = self.body.sheet_face("cavity")
         slope = ufl.grad(self.displacement[0])
         across = slope - ufl.dot(slope, N) * N
-        return [*super().energies(density, stiffness), UPRIGHT / 2 * ufl.inner(across, across) * on_face]
+        return [*super().stored(density, stiffness), UPRIGHT / 2 * ufl.inner(across, across) * on_face]
+
+
+class Press(System):
+    potential_class = BetweenPlatens
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +87,7 @@ def pushed(bodies, body_of, solved):
     def push(slenderness, waves, material, **options):
         key = (slenderness, *options.items())
         if key not in known:
-            equations = BetweenPlatens(body_of(bodies.Plate(length=0.01 * slenderness), PushedBody), material)
+            equations = Solver(Press(body_of(bodies.Plate(length=0.01 * slenderness), PushedBody), material))
             goal = 1.05 * wanted(slenderness, waves, material) / material.shear_modulus_0
             _, points, end = solved(equations, [goal], **options)
             assert end is None
@@ -101,7 +107,7 @@ def test_plate_bends_at_its_critical_loads(pushed, slenderness, waves, material,
     loads = [wanted(slenderness, n + 1, material) for n in range(waves)]
     equations, points, found = pushed(slenderness, waves, material)
     assert len(found) == waves
-    apart = np.array([point.state.P * equations.stress_unit for point in found]) / loads - 1
+    apart = np.array([point.state.P * equations.system.stress_unit for point in found]) / loads - 1
     figure(THEORY, f"loads at which one of {slenderness:g} bends", apart, {5.0: 6e-4, 2.0: 1.5e-3}[slenderness])
     first = points.index(found[0])
     assert all(point.stable_under_pressure and point.stable_under_volume for point in points[:first])
@@ -114,7 +120,7 @@ def test_plate_bends_at_its_critical_loads(pushed, slenderness, waves, material,
 @pytest.mark.parametrize(("slenderness", "waves", "material"), PLATES)
 def test_modes_bend_the_plate_into_half_waves(pushed, slenderness, waves, material, figure):
     equations, _, found = pushed(slenderness, waves, material)
-    fields, plate = Fields(equations), equations.body.actuator
+    fields, plate = Fields(equations), equations.system.body.actuator
     X = fields.grid.points
     for n, point in enumerate(found, 1):
         rise = fields.shape(point.mode)[:, 1]

@@ -88,12 +88,13 @@ def alone(bodies, equilibrium):
 @pytest.fixture(scope="module")
 def run(balloons, body_of):
     """Return a function that takes both balloons through a program: points with how far they have come, and the end."""
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
     from softmodels.path.points import PathEnd
     from softmodels.results.fields import Fields
 
     def through(*series, device=balloons):
-        eq = Equilibrium(body_of(device), RUBBER)
+        eq = Solver(System(body_of(device), RUBBER))
         fields, points = Fields(eq), []
         try:
             for come, point in programs.follow(eq, series, CM, "auto", lambda text: None):
@@ -120,7 +121,7 @@ def limits(alone, solved):
         eq = alone(name)
         _, _, end = solved(eq, [5.0])
         state = end.limit.state
-        found[name] = state.P * eq.stress_unit, (state.V - eq.rest().V) * eq.volume_unit
+        found[name] = state.P * eq.system.stress_unit, (state.V - eq.system.rest().V) * eq.system.volume_unit
     return found
 
 
@@ -131,8 +132,8 @@ def test_each_does_what_it_does_alone(run, alone, solved, limits, figure):
     points, end = run(Series("volume_ml", (added * ML, added * ML)), Series("pressure_cm", (0.0, above)))
     assert end is not None and end.limit is not None
     eq = alone("inner")
-    _, single, _ = solved(eq, [added / eq.volume_unit], "auto", "volume")
-    held = single[-1].state.P * eq.stress_unit
+    _, single, _ = solved(eq, [added / eq.system.volume_unit], "auto", "volume")
+    held = single[-1].state.P * eq.system.stress_unit
     assert held < 0.95 * limits["inner"][0]  # well past its limit
 
     at = next(figures for _, point, figures in points if point.limit and figures.cavity_volumes[1] > 0.0)
@@ -156,7 +157,7 @@ def test_a_pressure_held_past_its_limit_is_unstable(run, alone, solved, limits):
         points[-1][1].signature.negative_eigenvalues == 1 and [point.limit for _, point, _ in points].count(True) == 1
     )
     eq = alone("inner")
-    _, single, _ = solved(eq, [added / eq.volume_unit], "auto", "volume")
+    _, single, _ = solved(eq, [added / eq.system.volume_unit], "auto", "volume")
     assert single[-1].signature.negative_eigenvalues == 1
 
 
@@ -219,12 +220,13 @@ def test_back_to_nothing(part, run):
 
 
 def test_like_series_are_one_pressure(part, run, body_of, solved):
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
     from softmodels.results.fields import Fields
 
     points, _ = run(Series("pressure_cm", (50.0,)), Series("pressure_cm", (25.0,)), device=part)
-    eq = Equilibrium(body_of(dataclasses.replace(part, pressure_ratios=(1.0, 0.5))), RUBBER)
-    _, single, _ = solved(eq, [50 * CM / eq.stress_unit])
+    eq = Solver(System(body_of(dataclasses.replace(part, pressure_ratios=(1.0, 0.5))), RUBBER))
+    _, single, _ = solved(eq, [50 * CM / eq.system.stress_unit])
     one, other = points[-1][2], Fields(eq).figures(single[-1].state)
     assert one.rises["tip"] == pytest.approx(other.rises["tip"], rel=1e-7)
     assert one.cavity_volumes == pytest.approx(other.cavity_volumes, rel=1e-7)

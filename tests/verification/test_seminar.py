@@ -27,7 +27,7 @@ def inflated(equilibrium, solved):
         slab = SeminarActuator(**COARSE, **changes)
         if slab not in known:
             equations = equilibrium(slab, LAW)
-            _, points, end = solved(equations, [P / equations.stress_unit for P in PRESSURES])
+            _, points, end = solved(equations, [P / equations.system.stress_unit for P in PRESSURES])
             assert end is None
             fields = Fields(equations)
             known[slab] = [fields.figures(point.state) for point in points if point.requested]
@@ -53,13 +53,14 @@ def test_channels_in_the_middle_lift_nothing(inflated, figure):
 def test_mirrored_channels_lift_the_other_way(inflated, comm, solved, tmp_path, figure):
     """The mirrored slab on the mirror image of the mesh, node by node: what is left is the solver's tolerance."""
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     file = SeminarActuator(**COARSE).write(tmp_path / "slab.msh")
     body = Body.from_file(SeminarActuator(**COARSE, offset=-SeminarActuator().offset), file, comm)
     body.mesh.geometry.x[:, 2] *= -1.0
-    equations = Equilibrium(body, LAW)
-    _, points, end = solved(equations, [P / equations.stress_unit for P in PRESSURES])
+    equations = Solver(System(body, LAW))
+    _, points, end = solved(equations, [P / equations.system.stress_unit for P in PRESSURES])
     fields = Fields(equations)
     mirrored = [fields.figures(point.state) for point in points if point.requested]
     assert end is None
@@ -100,11 +101,12 @@ def test_figures_tell_of_one_tip(inflated):
 
 def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
     from softmodels.mechanics.sheet import Sheet
-    from softmodels.mechanics.solver import Equilibrium
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
 
     plain = inflated()[-1]
-    equations = Equilibrium(body_of(SeminarActuator(**COARSE)), LAW, sheet=Sheet("bottom", 1000.0))
-    _, points, end = solved(equations, [PRESSURES[-1] / equations.stress_unit])
+    equations = Solver(System(body_of(SeminarActuator(**COARSE)), LAW, sheet=Sheet("bottom", 1000.0)))
+    _, points, end = solved(equations, [PRESSURES[-1] / equations.system.stress_unit])
     with_sheet = Fields(equations).figures(points[-1].state)
     assert end is None
     assert with_sheet.max_stretch < plain.max_stretch and with_sheet.added_volume < plain.added_volume
@@ -116,24 +118,24 @@ def test_stiffness_is_the_tangents(equilibrium, solved, figure):
     """A dead load a little along its own motion leaves that much of itself unbalanced; and it is a unit load."""
     slab = SeminarActuator(**COARSE)
     equations = equilibrium(slab, LAW)
-    _, points, _ = solved(equations, [P / equations.stress_unit for P in PRESSURES])
+    _, points, _ = solved(equations, [P / equations.system.stress_unit for P in PRESSURES])
     fields, state = Fields(equations), points[-1].state
     told = [fields.figures(point.state).device["tip_stiffness_N_per_m"] for point in points if point.requested]
-    load = equations.face_load("tip", slab.lift)
-    lift = int(np.argmax(equations.body.skew @ np.asarray(slab.lift)))
-    vectors = equations.space.sub(0).sub(lift).collapse()[1]
+    load = equations.system.face_load("tip", slab.lift)
+    lift = int(np.argmax(equations.system.body.skew @ np.asarray(slab.lift)))
+    vectors = equations.system.space.sub(0).sub(lift).collapse()[1]
     assert load[vectors].sum() == pytest.approx(1.0, rel=1e-9) and load.sum() == pytest.approx(1.0, rel=1e-9)
 
     compliance = equations.dead_load_compliance(state, load)
-    motion = equations.bordered.split(equations._x)[0].copy()
-    unit = equations.stress_unit * equations.length_unit * slab.copies
+    motion = equations.bordered.split(equations.newton.x)[0].copy()
+    unit = equations.system.stress_unit * equations.system.length_unit * slab.copies
     assert told[-1] == pytest.approx(unit / compliance, rel=1e-9)
 
     def unbalanced(step):
-        equations.load(state)
-        equations.w.x.array[: equations.n] += step * motion
-        inner = equations._assemble(equations._inner).copy()
-        return inner - state.P * equations._assemble([equations._loads[0]])
+        equations.system.load(state)
+        equations.system.w.x.array[: equations.system.n] += step * motion
+        inner = equations.system.internal_forces().copy()
+        return inner - state.P * equations.system.pressure_loads()[0]
 
     step = 1e-5
     slope = (unbalanced(step) - unbalanced(-step)) / (2 * step)
@@ -155,10 +157,10 @@ def test_held_tip_pushes(inflated, equilibrium):
     equations = equilibrium(slab, LAW)
     from softmodels.path.continuation import Continuation, trace
 
-    *_, last = trace(Continuation(equations), [PRESSURES[-1] / equations.stress_unit])
-    equations.load(last.state)
-    unit = equations.stress_unit * equations.length_unit**2 * slab.copies
-    lift = int(np.argmax(equations.body.skew @ np.asarray(slab.lift)))
-    assert abs(equations.force("tip", lift) * unit) < 1e-6 * forces[-1]
+    *_, last = trace(Continuation(equations), [PRESSURES[-1] / equations.system.stress_unit])
+    equations.system.load(last.state)
+    unit = equations.system.stress_unit * equations.system.length_unit**2 * slab.copies
+    lift = int(np.argmax(equations.system.body.skew @ np.asarray(slab.lift)))
+    assert abs(equations.system.force("tip", lift) * unit) < 1e-6 * forces[-1]
     # All that the clamp carries along z balances the pressure alone: a closed cavity pulls nothing.
-    assert abs(equations.force("support", lift) * unit) < 1e-6 * forces[-1]
+    assert abs(equations.system.force("support", lift) * unit) < 1e-6 * forces[-1]

@@ -13,7 +13,8 @@ from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.morphing import Reshaping
 from softmodels.mechanics.sensitivity import Sensitivity, known_parameters
 from softmodels.mechanics.sheet import Sheet
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 
 TAYLOR = "Taylor's remainder of displacement, pressure and volume, before and past a limit point"
 LAWS = {
@@ -43,7 +44,7 @@ def sensitivity():
 
 def reshaping(equations):
     """A way to move the mesh, which every test leaves as it was read."""
-    return Reshaping(equations.body, ("membrane",))
+    return Reshaping(equations.system.body, ("membrane",))
 
 
 def changed(material, name, by):
@@ -60,32 +61,32 @@ def changed(material, name, by):
 def size_of(equations, name):
     """A change of a parameter that is large: a tenth of it, or the whole of a small hardening."""
     if name == "membrane":
-        return 0.1 * equations.body.actuator.membrane
-    material = equations.material
+        return 0.1 * equations.system.body.actuator.membrane
+    material = equations.system.material
     whole = getattr(material, name) if hasattr(material, name) else getattr(material, name[:-1])[int(name[-1]) - 1]
     return 0.02 if name == "poisson" else 0.1 * whole
 
 
 def moved_state(equations, material, name, by, control, guess):
     """The state on the line with one parameter moved, as w and P in Pa."""
-    disk, moving = equations.body.actuator, reshaping(equations)
+    disk, moving = equations.system.body.actuator, reshaping(equations)
     if name == "membrane":
         moving.move({"membrane": disk.membrane + by})
     else:
-        equations.set_material(changed(material, name, by))
-    line = control / equations.stress_unit if control > 100.0 else control
+        equations.system.set_material(changed(material, name, by))
+    line = control / equations.system.stress_unit if control > 100.0 else control
     made = pressure_control(line) if control > 100.0 else volume_control(line)
     w, P = guess
-    state = equations.solve(made, w, P / equations.stress_unit)
-    found = state.w, state.P * equations.stress_unit, state.V * equations.volume_unit
-    equations.set_material(material)
+    state = equations.solve(made, w, P / equations.system.stress_unit)
+    found = state.w, state.P * equations.system.stress_unit, state.V * equations.system.volume_unit
+    equations.system.set_material(material)
     moving.move({})
     return found
 
 
 def remainders(equations, material, state, rate, name, line):
     """What is left of the change of (w, P, V) after the linear part, for steps halved twice, relative to the linear part."""
-    P, V = state.P * equations.stress_unit, state.V * equations.volume_unit
+    P, V = state.P * equations.system.stress_unit, state.V * equations.system.volume_unit
     left = []
     for step in size_of(equations, name) * np.array([0.5, 0.25, 0.125]):
         guess = state.w + step * rate.w, P + step * rate.P
@@ -150,7 +151,7 @@ def test_rates_of_a_slice(equilibrium, solved, sensitivity, figure):
 def test_rates_with_a_sheet(body_of, solved, figure):
     """A bonded sheet keeps its own stiffness as the silicone's changes."""
     law, disk = LAWS["neo-hookean"], dataclasses.replace(THIN, membrane=0.003)
-    equations = Equilibrium(body_of(disk), law, sheet=Sheet("top", 30.0))
+    equations = Solver(System(body_of(disk), law, sheet=Sheet("top", 30.0)))
     making = Sensitivity(equations, reshaping(equations))
     rates = check(figure, equations, lambda _: making, law, at(solved, equations, BEFORE).state)
     assert np.linalg.norm(rates["shear_modulus"].w) > 0.0
@@ -161,7 +162,7 @@ def test_rates_at_a_given_pressure(equilibrium, solved, sensitivity, figure):
     law = LAWS["neo-hookean"]
     equations = equilibrium(THIN, law)
     state = at(solved, equations, BEFORE).state
-    rates = check(figure, equations, sensitivity, law, state, line=state.P * equations.stress_unit)
+    rates = check(figure, equations, sensitivity, law, state, line=state.P * equations.system.stress_unit)
     assert all(pytest.approx(0.0, abs=1e-9) == rate.P for rate in rates.values())
     assert rates["shear_modulus"].V < 0.0 and rates["membrane"].V < 0.0
 
@@ -174,8 +175,8 @@ def test_incompressible_rubber_has_a_rate_by_poisson(equilibrium, solved, sensit
     _, rates = sensitivity(equations).rates(state, volume_control(state.V), ["poisson"])
     slopes = []
     for step in (-0.004, -0.002):
-        moved = moved_state(equations, law, "poisson", step, state.V, (state.w, state.P * equations.stress_unit))
-        slopes.append((moved[1] - state.P * equations.stress_unit) / step)
+        moved = moved_state(equations, law, "poisson", step, state.V, (state.w, state.P * equations.system.stress_unit))
+        slopes.append((moved[1] - state.P * equations.system.stress_unit) / step)
     against = "differences of full solves, extrapolated"
     figure(
         against,
@@ -192,12 +193,14 @@ def test_a_modulus_alone_moves_no_shape(equilibrium, solved, sensitivity):
     state = at(solved, equations, PAST).state
     _, rates = sensitivity(equations).rates(state, volume_control(state.V), ["shear_modulus"])
     assert np.abs(rates["shear_modulus"].w).max() * law.shear_modulus < 1e-14
-    assert rates["shear_modulus"].P * law.shear_modulus == pytest.approx(state.P * equations.stress_unit, rel=1e-14)
+    assert rates["shear_modulus"].P * law.shear_modulus == pytest.approx(
+        state.P * equations.system.stress_unit, rel=1e-14
+    )
 
 
 def test_a_length_that_the_mesh_cannot_follow(equilibrium):
     with pytest.raises(GeometryError, match="does not move with wall, only with membrane"):
-        Reshaping(equilibrium(THIN, LAWS["neo-hookean"]).body, ("wall",))
+        Reshaping(equilibrium(THIN, LAWS["neo-hookean"]).system.body, ("wall",))
 
 
 def test_moved_mesh_is_the_other_disk(equilibrium, solved, figure):

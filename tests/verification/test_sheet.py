@@ -16,7 +16,8 @@ from softmodels.case.case import Case, CaseError
 from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import MaterialError, NeoHookean
 from softmodels.mechanics.sheet import Sheet
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.results.fields import Fields
 
 SPHERE = "closed form of a thick sphere with a bonded sheet"
@@ -36,16 +37,16 @@ def exact(shell, face, stiffness):
 
 
 def found(solved, equations):
-    rest = equations.rest().V
+    rest = equations.system.rest().V
     _, points, end = solved(equations, [(s**3 - 1) * rest for s in STRETCHES], "volume", "volume")
     assert end is None
-    return points, np.array([p.state.P for p in points if p.requested]) * equations.stress_unit
+    return points, np.array([p.state.P for p in points if p.requested]) * equations.system.stress_unit
 
 
 @pytest.mark.parametrize("stiffness", [30.0, 3000.0])  # a tenth of the wall's own 3 mu t, and ten times it
 def test_sphere_in_a_sheet_axisymmetric(stiffness, bodies, body_of, solved, figure):
     shell = bodies.Sphere(through=4, along=12)
-    equations = Equilibrium(body_of(shell), LAW, sheet=Sheet("outer", stiffness))
+    equations = Solver(System(body_of(shell), LAW, sheet=Sheet("outer", stiffness)))
     _, pressures = found(solved, equations)
     figure(SPHERE, "pressure on the section", pressures / exact(shell, "outer", stiffness) - 1, 7.5e-5)
 
@@ -55,7 +56,7 @@ def test_sphere_in_a_sheet_axisymmetric(stiffness, bodies, body_of, solved, figu
 )  # integrated at one point per facet the stiffer one is 8 to 19 % off
 def test_sphere_in_a_sheet_octant(stiffness, bodies, body_of, solved, figure):
     shell = bodies.Octant(cell_size=0.004)
-    equations = Equilibrium(body_of(shell), LAW, sheet=Sheet("outer", stiffness))
+    equations = Solver(System(body_of(shell), LAW, sheet=Sheet("outer", stiffness)))
     points, pressures = found(solved, equations)
     figure(SPHERE, "pressure on a 3-D octant", pressures / exact(shell, "outer", stiffness) - 1, 3e-3)
     # The stored energy counts the sheet: the work of the pressure is all of it.
@@ -63,15 +64,19 @@ def test_sphere_in_a_sheet_octant(stiffness, bodies, body_of, solved, figure):
     slopes = np.array([p.tangent.P / p.tangent.V for p in points])
     h = np.diff(V)
     work = np.sum(h * (P[1:] + P[:-1]) / 2 - h**2 * np.diff(slopes) / 12)  # trapezia with their end slopes
-    equations.load(points[-1].state)
-    figure("work of the pressure, sphere with a sheet", "stored energy", equations.stored_energy() / work - 1, 6e-4)
+    equations.system.load(points[-1].state)
+    figure(
+        "work of the pressure, sphere with a sheet", "stored energy", equations.system.stored_energy() / work - 1, 6e-4
+    )
 
 
 def test_another_material_leaves_the_sheet_as_it_is(bodies, body_of, solved, figure):
     """Stresses inside are in shear moduli; the sheet's stiffness is not the silicone's."""
     shell = bodies.Sphere(through=4, along=12)
-    equations = Equilibrium(body_of(shell), dataclasses.replace(LAW, shear_modulus=90e3), sheet=Sheet("outer", 3000.0))
-    equations.set_material(LAW)
+    equations = Solver(
+        System(body_of(shell), dataclasses.replace(LAW, shear_modulus=90e3), sheet=Sheet("outer", 3000.0))
+    )
+    equations.system.set_material(LAW)
     _, pressures = found(solved, equations)
     figure(SPHERE, "pressure after another material", pressures / exact(shell, "outer", 3000.0) - 1, 1.9e-5)
 
@@ -82,8 +87,8 @@ def test_disk_with_a_sheet_rises_and_stretches_less(body_of, solved):
     disk = HollowDisk(section="axisymmetric")
     figures = {}
     for stiffness in (None, 100.0, 1000.0, 10000.0):
-        equations = Equilibrium(body_of(disk), LAW, sheet=Sheet("top", stiffness) if stiffness else None)
-        _, points, end = solved(equations, [15e3 / equations.stress_unit])
+        equations = Solver(System(body_of(disk), LAW, sheet=Sheet("top", stiffness) if stiffness else None))
+        _, points, end = solved(equations, [15e3 / equations.system.stress_unit])
         assert end is None
         figures[stiffness] = Fields(equations).figures(points[-1].state)
     rises = [figure.rises["apex"] for figure in figures.values()]

@@ -9,8 +9,8 @@ from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.sheet import Sheet
-from softmodels.mechanics.solver import Equilibrium
-from softmodels.mechanics.system import State
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.results.lost_path import advice
 
@@ -23,7 +23,7 @@ PRESSURE = 9.8e3  # Pa: 1 m of water, where the disk without a sheet rises by 24
 @pytest.fixture(scope="module")
 def sheeted(body_of):
     """Return a function that gives a disk with a sheet of a stiffness in N/m on its top."""
-    return lambda stiffness: Equilibrium(body_of(DISK), NeoHookean(30e3, 0.49), sheet=Sheet("top", stiffness))
+    return lambda stiffness: Solver(System(body_of(DISK), NeoHookean(30e3, 0.49), sheet=Sheet("top", stiffness)))
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def paths(sheeted):
         equations, reports = sheeted(stiffness), []
         path = Continuation(equations)
         path.report = reports.append
-        points = list(trace(path, [PRESSURE / equations.stress_unit]))
+        points = list(trace(path, [PRESSURE / equations.system.stress_unit]))
         found[stiffness] = points[-1].state.V, reports
     return found
 
@@ -56,21 +56,21 @@ def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted, figure):
     """Newton's iterates may have a foreseen stress in theirs; the tangent, stability and modes of a state must not."""
     equations = sheeted(4e6)
     rng = np.random.default_rng(3)
-    w, x = 1e-4 * rng.standard_normal(equations.dofs), rng.standard_normal(equations.dofs)
-    for bc in equations.bcs:
+    w, x = 1e-4 * rng.standard_normal(equations.system.dofs), rng.standard_normal(equations.system.dofs)
+    for bc in equations.system.bcs:
         bc.set(x, alpha=0.0)
         bc.set(w, alpha=0.0)
 
     def force(step):
-        equations.load(State(w + step * x, 0.0, 1.0))
-        return equations._assemble(equations._inner).copy()
+        equations.system.load(State(w + step * x, 0.0, 1.0))
+        return equations.system.internal_forces().copy()
 
     h = 1e-7
     slope = (force(h) - force(-h)) / (2 * h)
-    equations.load(State(w, 0.0, 1.0))
-    product = np.zeros(equations.n)
-    equations._multiply(x[: equations.n], product)
-    for bc in equations.bcs:
+    equations.system.load(State(w, 0.0, 1.0))
+    product = np.zeros(equations.system.n)
+    equations.system.tangent_product(x[: equations.system.n], product)
+    for bc in equations.system.bcs:
         product[bc.dof_indices()[0]] = 0.0
     against = "differences of the forces, a sheet of 4 MN/m"
     figure(against, "tangent", (product - slope) / np.abs(slope).max(), 9e-10)

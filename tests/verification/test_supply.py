@@ -28,9 +28,11 @@ def drive(disk, solved):
     """Return a function that drives the disk by a syringe: strokes in ml to strokes, volumes, pressures of all points."""
 
     def run(strokes, syringe, **options):
-        disk.rest()
-        supply = syringe.control(disk.rest().V * disk.volume_unit, disk.stress_unit, disk.volume_unit)
-        goals = [stroke * ML / disk.volume_unit for stroke in strokes]
+        disk.system.rest()
+        supply = syringe.control(
+            disk.system.rest().V * disk.system.volume_unit, disk.system.stress_unit, disk.system.volume_unit
+        )
+        goals = [stroke * ML / disk.system.volume_unit for stroke in strokes]
         path, points, end = solved(disk, goals, quantity=supply, **options)
         assert end is None
         return path, points
@@ -45,9 +47,9 @@ def test_stroke_pressure_and_volume_obey_the_gas_law(disk, drive, gas, figure):
     power = {"isothermal": 1.0, "adiabatic": 1.4}[gas]
     asked = [point for point in points if point.requested]
     for point, stroke in zip(asked, (20, 45), strict=True):
-        gas_now = 65 * ML - stroke * ML + point.state.V * disk.volume_unit
-        gas_rest = 65 * ML + path.V0 * disk.volume_unit
-        absolute = point.state.P * disk.stress_unit + syringe.ambient
+        gas_now = 65 * ML - stroke * ML + point.state.V * disk.system.volume_unit
+        gas_rest = 65 * ML + path.V0 * disk.system.volume_unit
+        absolute = point.state.P * disk.system.stress_unit + syringe.ambient
         kept = absolute * gas_now**power / (syringe.ambient * gas_rest**power)
         figure(LAW, "P V^n over a stroke, isothermal and adiabatic", kept - 1, 1e-12)
     assert [point.limit for point in points].count(True) == 1  # driven past the limit, as a pressure could not
@@ -55,7 +57,9 @@ def test_stroke_pressure_and_volume_obey_the_gas_law(disk, drive, gas, figure):
 
 def test_a_liquid_is_volume_control(disk, drive, solved, figure):
     _, points = drive([10, 35], Syringe(syringe=60 * ML, gas="liquid"))
-    _, expected, _ = solved(disk, [10 * ML / disk.volume_unit, 35 * ML / disk.volume_unit], quantity="volume")
+    _, expected, _ = solved(
+        disk, [10 * ML / disk.system.volume_unit, 35 * ML / disk.system.volume_unit], quantity="volume"
+    )
     found, wanted = ([p.state.P for p in points if p.requested] for points in (points, expected))
     figure("volume control", "a syringe with a liquid, pressure", np.divide(found, wanted) - 1, 1e-12)
 
@@ -68,25 +72,29 @@ def test_an_endless_dead_volume_is_pressure_control(disk, drive, solved, figure)
     stroke = 1e4 * (1 - huge.ambient / (huge.ambient + pressure))
     _, points = drive([stroke / ML], huge)
     against = "pressure control"
-    figure(against, "an endless dead volume, pressure", points[-1].state.P * disk.stress_unit / pressure - 1, 1.4e-7)
-    _, expected, _ = solved(disk, [pressure / disk.stress_unit])
+    figure(
+        against, "an endless dead volume, pressure", points[-1].state.P * disk.system.stress_unit / pressure - 1, 1.4e-7
+    )
+    _, expected, _ = solved(disk, [pressure / disk.system.stress_unit])
     figure(against, "an endless dead volume, volume", points[-1].state.V / expected[-1].state.V - 1, 1.4e-7)
 
 
 @pytest.mark.parametrize("gas", ["isothermal", "adiabatic"])
 def test_pistons_work_is_in_rubber_and_gas(disk, drive, gas, figure):
     syringe = Syringe(syringe=60 * ML, gas=gas)
-    path, points = drive([45], syringe, largest_step=0.7 * ML / disk.volume_unit)
+    path, points = drive([45], syringe, largest_step=0.7 * ML / disk.system.volume_unit)
     S, P = np.array([(path.value(p.state), p.state.P) for p in points]).T
     slope = []
     for point in points:
         a, b = path.requested.slopes(point.state.V, point.state.P)
         slope.append(point.tangent.P / (a * point.tangent.V + b * point.tangent.P))
-    work = CubicHermiteSpline(S, P, slope).integrate(0, S[-1]) * disk.stress_unit * disk.volume_unit
-    disk.load(points[-1].state)
-    rubber = disk.stored_energy() * disk.stress_unit * disk.volume_unit
-    last, cavity = points[-1].state, path.V0 * disk.volume_unit
-    gas_took = syringe.gas_energy(45 * ML, last.V * disk.volume_unit - cavity, last.P * disk.stress_unit, cavity)
+    work = CubicHermiteSpline(S, P, slope).integrate(0, S[-1]) * disk.system.stress_unit * disk.system.volume_unit
+    disk.system.load(points[-1].state)
+    rubber = disk.system.stored_energy() * disk.system.stress_unit * disk.system.volume_unit
+    last, cavity = points[-1].state, path.V0 * disk.system.volume_unit
+    gas_took = syringe.gas_energy(
+        45 * ML, last.V * disk.system.volume_unit - cavity, last.P * disk.system.stress_unit, cavity
+    )
     assert gas_took > 0.005 * rubber
     figure("work of a syringe's piston", "energy in rubber and gas", (rubber + gas_took) / work - 1, 4.5e-7)
 
@@ -96,29 +104,37 @@ def test_a_leak_lowers_the_pressure_by_the_mass_it_takes(disk, drive, figure):
     _, points = drive([20], tight)
     path, lost = drive([20], leaking)
     assert lost[-1].state.P < points[-1].state.P and lost[-1].state.V < points[-1].state.V
-    gas_now = (65 - 20) * ML + lost[-1].state.V * disk.volume_unit
-    mass = (lost[-1].state.P * disk.stress_unit + leaking.ambient) * gas_now
-    wanted = 0.99 * leaking.ambient * (65 * ML + path.V0 * disk.volume_unit)
+    gas_now = (65 - 20) * ML + lost[-1].state.V * disk.system.volume_unit
+    mass = (lost[-1].state.P * disk.system.stress_unit + leaking.ambient) * gas_now
+    wanted = 0.99 * leaking.ambient * (65 * ML + path.V0 * disk.system.volume_unit)
     figure(LAW, "P V with a leak of 1 %", mass / wanted - 1, 1e-12)
 
 
 def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved, figure):
     """Twenty litres in the tubes: at the largest stroke of a path under volume the device jumps to where that comes again."""
     syringe = Syringe(syringe=2000 * ML, dead_volume=20000 * ML)
-    supply = syringe.control(disk.rest().V * disk.volume_unit, disk.stress_unit, disk.volume_unit)
-    path, points, end = solved(disk, [1000 * ML / disk.volume_unit], quantity=supply)
+    supply = syringe.control(
+        disk.system.rest().V * disk.system.volume_unit, disk.system.stress_unit, disk.system.volume_unit
+    )
+    path, points, end = solved(disk, [1000 * ML / disk.system.volume_unit], quantity=supply)
     assert end is not None and "grown 60 times" in str(end)
-    _, known, _ = solved(disk, [60 * ML / disk.volume_unit], "volume", "volume", largest_step=1 * ML / disk.volume_unit)
-    V, P = np.array([(p.state.V * disk.volume_unit, p.state.P * disk.stress_unit) for p in known]).T
+    _, known, _ = solved(
+        disk, [60 * ML / disk.system.volume_unit], "volume", "volume", largest_step=1 * ML / disk.system.volume_unit
+    )
+    V, P = np.array([(p.state.V * disk.system.volume_unit, p.state.P * disk.system.stress_unit) for p in known]).T
     gas = 22000 * ML + V[0]
     stroke = gas * (1 - syringe.ambient / (P + syringe.ambient)) + V - V[0]
     curve = CubicSpline(V, stroke)
     peak = max(curve(V) for V in curve.derivative().roots(extrapolate=False))
     against = "largest stroke of a path under volume"
-    figure(against, "the stroke's limit point", path.value(end.limit.state) * disk.volume_unit / peak - 1, 2.5e-8)
+    figure(
+        against, "the stroke's limit point", path.value(end.limit.state) * disk.system.volume_unit / peak - 1, 2.5e-8
+    )
     assert end.limit.tangent.P < 0  # the pressure's own limit lies before it
     landed = [point for point in points if point.jump]
-    assert [path.value(point.state) * disk.volume_unit for point in landed] == pytest.approx([float(peak)], rel=1e-5)
+    assert [path.value(point.state) * disk.system.volume_unit for point in landed] == pytest.approx(
+        [float(peak)], rel=1e-5
+    )
     between = points[points.index(end.limit) + 1 : points.index(landed[0])]
     assert len(between) > 2 and landed[0].stable_under(supply.line(landed[0].state.V, landed[0].state.P))
     assert not any(point.stable_under(supply.line(point.state.V, point.state.P)) for point in between[:2])
@@ -138,8 +154,8 @@ def balloon(bodies, equilibrium):
 
 
 def supply_of(equations, syringe):
-    cavity = equations.rest().V * equations.volume_unit
-    return syringe.control(cavity, equations.stress_unit, equations.volume_unit)
+    cavity = equations.system.rest().V * equations.system.volume_unit
+    return syringe.control(cavity, equations.system.stress_unit, equations.system.volume_unit)
 
 
 def margin(syringe, stretch):
@@ -156,7 +172,7 @@ def margin(syringe, stretch):
 def test_a_syringe_holds_a_balloon_where_its_gas_is_stiff_enough(balloon, solved):
     """Past its limit point a balloon is held by little gas, and by much of it where its pressure falls slowly."""
     little, much = Syringe(syringe=200 * ML), MUCH_GAS
-    V0 = balloon.rest().V
+    V0 = balloon.system.rest().V
     _, points, end = solved(balloon, [40 * V0], quantity="volume", largest_step=V0)
     assert end is None
     held = {True: 0, False: 0}
@@ -177,7 +193,7 @@ def test_a_syringe_holds_a_balloon_where_its_gas_is_stiff_enough(balloon, solved
 def test_strokes_that_a_balloon_jumps_over_are_passed_and_told(balloon, solved):
     """Where the piston would have to go back, no state is held; every requested stroke is met before and after."""
     supply = supply_of(balloon, MUCH_GAS)
-    strokes = [50 * ML / balloon.volume_unit, 180 * ML / balloon.volume_unit]
+    strokes = [50 * ML / balloon.system.volume_unit, 180 * ML / balloon.system.volume_unit]
     path, points, end = solved(balloon, strokes, quantity=supply)
     assert end is None
     assert [path.value(p.state) for p in points if p.requested] == pytest.approx(strokes, rel=1e-9)

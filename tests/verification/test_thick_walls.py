@@ -34,17 +34,17 @@ laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 
 def pressures_at(solved, equations, ratios):
     """Pressure in Pa at cavity volumes given as multiples of the undeformed one."""
-    rest = equations.rest().V
+    rest = equations.system.rest().V
     _, points, end = solved(equations, [(ratio - 1) * rest for ratio in ratios], "volume", "volume")
     assert end is None
-    return np.array([point.state.P for point in points if point.requested]) * equations.stress_unit
+    return np.array([point.state.P for point in points if point.requested]) * equations.system.stress_unit
 
 
 def errors(solved, equations, exact, power):
     stretches = np.array(STRETCHES)
     found = pressures_at(solved, equations, stretches**power)
-    shell = equations.body.actuator
-    return found / exact(equations.material, shell.inner, shell.outer, stretches) - 1
+    shell = equations.system.body.actuator
+    return found / exact(equations.system.material, shell.inner, shell.outer, stretches) - 1
 
 
 @laws
@@ -98,11 +98,11 @@ def test_tube_converges(bodies, equilibrium, solved, tube_body, figure):
 def test_rigid_walls_move_as_one(bodies, equilibrium, solved, figure):
     """The sphere stays a sphere: the inner wall's nodes all have the stretch that the volume says."""
     equations = equilibrium(bodies.Sphere(through=4, along=12), LAWS["neo-hookean"])
-    rest = equations.rest().V
+    rest = equations.system.rest().V
     _, points, _ = solved(equations, [(1.5**3 - 1) * rest], "volume", "volume")
     fields = Fields(equations)
-    X = fields.grid.points[:, [0, 2]] / equations.length_unit
-    moved = X + fields.nodal(points[-1].state)["displacement"][:, [0, 2]] / equations.length_unit
+    X = fields.grid.points[:, [0, 2]] / equations.system.length_unit
+    moved = X + fields.nodal(points[-1].state)["displacement"][:, [0, 2]] / equations.system.length_unit
     inner = np.abs(np.linalg.norm(X, axis=1) - 1) < 1e-6
     assert inner.sum() == 25
     figure(SPHERE, "stretch of the inner wall's nodes, at 1.5", np.linalg.norm(moved[inner], axis=1) / 1.5 - 1, 2e-4)

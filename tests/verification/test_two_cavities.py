@@ -11,7 +11,8 @@ import pytest
 from geometries import ImportedActuator
 from softmodels.case.case import Case
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics.solver import Equilibrium
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.results.fields import Fields
 
 RATIOS = "ratios (0.5, 1) at P, by (1, 2) at P/2"
@@ -33,8 +34,8 @@ def inflated(part, body_of, solved):
 
     def inflate(ratios, goal=GOAL):
         if (ratios, goal) not in known:
-            equations = Equilibrium(body_of(dataclasses.replace(part, pressure_ratios=ratios)), LAW)
-            _, points, end = solved(equations, [goal / equations.stress_unit])
+            equations = Solver(System(body_of(dataclasses.replace(part, pressure_ratios=ratios)), LAW))
+            _, points, end = solved(equations, [goal / equations.system.stress_unit])
             assert end is None
             known[ratios, goal] = points, equations, Fields(equations).figures(points[-1].state)
         return known[ratios, goal]
@@ -61,8 +62,8 @@ def test_work_of_both_is_what_is_stored(inflated, figure):
     slopes = np.array([point.tangent.P / point.tangent.V for point in points])
     h = np.diff(V)
     work = np.sum(h * (P[1:] + P[:-1]) / 2 - h**2 * np.diff(slopes) / 12)  # trapezia with their end slopes
-    equations.load(points[-1].state)
-    figure("work of the pressure in two cavities", "stored energy", equations.stored_energy() / work - 1, 6e-5)
+    equations.system.load(points[-1].state)
+    figure("work of the pressure in two cavities", "stored energy", equations.system.stored_energy() / work - 1, 6e-5)
 
 
 def test_case_file_names_the_part_beside_it(part, tmp_path):

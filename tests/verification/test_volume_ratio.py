@@ -25,9 +25,9 @@ def test_vertices_have_the_volume_of_p(bodies, equilibrium, solved, section, poi
     fields, state = Fields(equations), points[-1].state
     figures, nodal = fields.figures(state), fields.nodal(state)
 
-    body = equations.body
+    body = equations.system.body
     linear = fem.functionspace(body.mesh, ("P", 1))
-    q, p = ufl.TestFunction(linear), ufl.split(equations.w)[1]
+    q, p = ufl.TestFunction(linear), ufl.split(equations.system.w)[1]
     bulk = law.bulk / law.shear_modulus_0
     ratio = 1 + p * (0.0 if math.isinf(bulk) else 1 / bulk)
     dx = body.measures()[0]

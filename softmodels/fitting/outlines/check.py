@@ -65,7 +65,7 @@ def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[Row]:
     """
     columns = [(shape.height, shape.pressure, shape.pressure_error, float(np.median(shape.error))) for shape in shapes]
     rows, curves = series_of(model, [shape.source for shape in shapes], *np.array(columns).T)
-    _check_widths(shapes, curves, type(model.equilibrium.body.actuator).__name__)
+    _check_widths(shapes, curves, type(model.system.body.actuator).__name__)
     return rows
 
 

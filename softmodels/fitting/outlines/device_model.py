@@ -14,8 +14,9 @@ from softmodels.fitting.problem import CannotEvaluate
 from softmodels.materials.material import Material, MaterialError
 from softmodels.mechanics.controls import Control, pressure_control, volume_control
 from softmodels.mechanics.morphing import Reshaping
+from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import Rate, Sensitivity
-from softmodels.mechanics.solver import Equilibrium, NoConvergence
+from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd
@@ -64,21 +65,21 @@ class DeviceModel:
     """Paths of one device under one law.
 
     Args:
-        equilibrium: The device; its material's values do not matter.
+        solver: The device; its material's values do not matter.
         choice: The law.
 
     Attributes:
         paths: How many paths have been followed.
     """
 
-    def __init__(self, equilibrium: Equilibrium, choice: LawChoice):
-        self.equilibrium, self.choice = equilibrium, choice
-        self.silhouette = Silhouette(equilibrium)
-        self.reshaping = Reshaping(equilibrium.body, equilibrium.body.actuator.variable)
+    def __init__(self, solver: Solver, choice: LawChoice):
+        self.solver, self.system, self.choice = solver, solver.system, choice
+        self.silhouette = Silhouette(solver.system)
+        self.reshaping = Reshaping(solver.system.body, solver.system.body.actuator.variable)
         self.lengths = self.reshaping.nominal
-        self.sensitivity = Sensitivity(equilibrium, self.reshaping)
+        self.sensitivity = Sensitivity(solver, self.reshaping)
         self.names = (*choice.names, "poisson", *self.lengths)
-        self.rest_volume = equilibrium.rest().V
+        self.rest_volume = solver.system.rest().V
         self.paths = 0
         self._asked: _Solved | None = None
         self._base: _Solved | None = None
@@ -89,13 +90,13 @@ class DeviceModel:
         return dataclasses.replace(self.choice, poisson=poisson).material(values)
 
     def set_parameters(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Make these the equilibrium's material and lengths; returns the lengths.
+        """Make these the device's material and lengths; returns the lengths.
 
         Raises:
             CannotEvaluate: There is no such material or device.
         """
         try:
-            self.equilibrium.set_material(self.material(values))
+            self.system.set_material(self.material(values))
         except MaterialError as error:
             raise CannotEvaluate(str(error)) from None
         lengths = {name: values.get(name, nominal) for name, nominal in self.lengths.items()}
@@ -112,7 +113,7 @@ class DeviceModel:
         Raises:
             CannotEvaluate: One of them is not on the path.
         """
-        eq = self.equilibrium
+        eq = self.system
         self.set_parameters(values)
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         wanted = np.asarray(requested, dtype=float) / unit
@@ -134,7 +135,7 @@ class DeviceModel:
     def _followed(self, goals: Sequence[float], quantity: str) -> list[State]:
         """The states on one path from rest. Under volume control it passes limit points; pressures mean its first branch."""
         try:
-            path = Continuation(self.equilibrium, DIRECT[quantity])
+            path = Continuation(self.solver, DIRECT[quantity])
             return [point.state for point in trace(path, goals) if point.requested]
         except (PathEnd, NoConvergence) as end:
             raise CannotEvaluate(f"no equilibrium at an added {quantity} that was measured: {end}") from None
@@ -152,7 +153,7 @@ class DeviceModel:
         base = self._base
         if base is None or base.quantity != quantity or len(base.states) != len(place):
             return []
-        eq, found = self.equilibrium, []
+        eq, found = self.system, []
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         for goal, i in zip(goals, [int(np.argmax(place == k)) for k in range(len(goals))], strict=True):
             state, (along, rates, stress) = base.states[i], base.answers[id(base.states[i])]
@@ -162,9 +163,9 @@ class DeviceModel:
             P = state.P * stress + ahead * along.P + sum(by * rate.P for rate, by in moves)
             line = volume_control(goal + self.rest_volume) if quantity == "volume" else pressure_control(goal)
             try:
-                if eq.stale:
-                    eq.factorise(state)
-                found.append(eq.solve(line, w, P / eq.stress_unit))
+                if self.solver.stale:
+                    self.solver.factorise(state)
+                found.append(self.solver.solve(line, w, P / eq.stress_unit))
             except NoConvergence:
                 return []
             jump = np.linalg.norm(found[-1].w - w) / max(float(np.linalg.norm(found[-1].w - state.w)), 1e-300)
@@ -178,7 +179,7 @@ class DeviceModel:
 
     def pressure(self, state: State) -> float:
         """In Pa."""
-        return state.P * self.equilibrium.stress_unit
+        return state.P * self.system.stress_unit
 
     def slopes(self, state: State, names: Sequence[str], quantity: str = "volume") -> Slopes:
         """Derivatives of a state of the present values (see `set_parameters`), at fixed added volume or at fixed pressure.
@@ -186,7 +187,7 @@ class DeviceModel:
         Raises:
             CannotEvaluate: The linear solver failed.
         """
-        eq = self.equilibrium
+        eq = self.system
         control: Control = volume_control(state.V) if quantity == "volume" else pressure_control(state.P)
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         try:

@@ -195,5 +195,5 @@ def _largest_strain(source: OutlineResiduals | HeightResiduals, fit: LeastSquare
 
     state = source.largest_state(fit.values)
     source.model.set_parameters(fit.values)
-    stretch = Fields(source.model.equilibrium).figures(state).max_stretch
+    stretch = Fields(source.model.solver).figures(state).max_stretch
     return 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean

@@ -61,7 +61,8 @@ class MeasuredDevice:
         """
         from softmodels.mechanics.body import Body, BodyError
         from softmodels.mechanics.compiling import CompilingError, compiling
-        from softmodels.mechanics.solver import Equilibrium
+        from softmodels.mechanics.solver import Solver
+        from softmodels.mechanics.system import System
 
         folder = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
         mesh = folder / f"{self.name}.msh"
@@ -70,7 +71,7 @@ class MeasuredDevice:
             with compiling():
                 body = Body.from_file(self.actuator, mesh, comm)
                 material = choice.material(choice.from_modulus(30e3))
-                return DeviceModel(Equilibrium(body, material, self.formulation, self.sheet, self.obstacle), choice)
+                return DeviceModel(Solver(System(body, material, self.formulation, self.sheet, self.obstacle)), choice)
         except (BodyError, CompilingError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:

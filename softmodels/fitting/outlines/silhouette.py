@@ -15,8 +15,7 @@ import numpy.typing as npt
 
 from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.mpi import everywhere
-from softmodels.mechanics.solver import Equilibrium
-from softmodels.mechanics.system import State
+from softmodels.mechanics.system import State, System
 from softmodels.results.grid import Grid, displacement_maps
 from softmodels.results.quadratic_curve import QuadraticCurve
 
@@ -37,7 +36,7 @@ class Silhouette:
     The curve runs from the axis outwards and down the side wall; the solid is on its right.
 
     Args:
-        equilibrium: The device, its mesh not moved yet.
+        system: The device, its mesh not moved yet.
 
     Raises:
         BodyError: The mesh has no such curve.
@@ -46,8 +45,8 @@ class Silhouette:
         points: Undeformed nodes in device coordinates, m, shape (n, 3, 3).
     """
 
-    def __init__(self, equilibrium: Equilibrium):
-        self.equilibrium = eq = equilibrium
+    def __init__(self, system: System):
+        self.system = eq = system
         body, actuator = eq.body, eq.body.actuator
         grid = Grid(eq)
         skew, _ = displacement_maps(eq, grid)
@@ -68,10 +67,10 @@ class Silhouette:
         return chosen
 
     def _in_plane(self, vectors: Array) -> Array:
-        return np.stack([vectors @ self._along, vectors @ np.asarray(self.equilibrium.body.actuator.lift)], axis=-1)
+        return np.stack([vectors @ self._along, vectors @ np.asarray(self.system.body.actuator.lift)], axis=-1)
 
     def _displacement(self, w: Array) -> Array:
-        eq = self.equilibrium
+        eq = self.system
         u = everywhere(eq.comm, w[self._dofs]) @ eq.body.skew_inverse.T * eq.length_unit
         if u.shape[-1] == 2:
             u = np.stack([u[..., 0], np.zeros(u.shape[:-1]), u[..., 1]], axis=-1)
@@ -79,7 +78,7 @@ class Silhouette:
 
     def curve(self, state: State, lengths: Mapping[str, float] | None = None) -> QuadraticCurve:
         """The deformed curve in m; ``lengths`` are those the mesh has been moved to (`Reshaping.move`)."""
-        actuator = self.equilibrium.body.actuator
+        actuator = self.system.body.actuator
         places = self.points - self.top
         for name, value in (lengths or {}).items():
             places = places + (value - getattr(actuator, name)) * self._motion(name)
@@ -96,7 +95,7 @@ class Silhouette:
         return self._in_plane(moved + self._motion(length) if length else moved)
 
     def _motion(self, name: str) -> Array:
-        actuator = self.equilibrium.body.actuator
+        actuator = self.system.body.actuator
         moved = actuator.velocity(name, self.points.reshape(-1, 3)).reshape(self.points.shape)
         return moved - actuator.velocity(name, self.top[None])
 
@@ -128,7 +127,7 @@ def _outer_edges(body: Body) -> npt.NDArray[np.int32]:
     return np.intersect1d(edges(facets), edges(plane)).astype(np.int32)
 
 
-def _edge_nodes(eq: Equilibrium, space: fem.FunctionSpace, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+def _edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """Local nodes of edges in a second-order space: both ends, then the middle; shape (m, 3)."""
     topology = eq.body.mesh.topology
     dim = topology.dim

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.problem import CannotEvaluate
-from softmodels.mechanics.solver import NoConvergence
+from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import LARGEST_GROWTH, Continuation, trace
 from softmodels.path.points import PathEnd
 from softmodels.path.quantities import AddedVolume
@@ -70,7 +70,7 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
     """
     from scipy.interpolate import PchipInterpolator
 
-    eq = model.equilibrium
+    eq = model.system
     lengths = model.set_parameters(values)
     rest = model.rest_volume
     goals = rest * np.concatenate([np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * LARGEST_GROWTH, 30)])
@@ -79,7 +79,7 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
     model.paths += 1
     why = ""
     try:
-        for point in trace(Continuation(eq, AddedVolume()), goals.tolist()):
+        for point in trace(Continuation(model.solver, AddedVolume()), goals.tolist()):
             rise = float(model.curve(point.state, lengths).nodes[0, 0, 1])
             if rise > rises[-1]:
                 rises.append(rise)

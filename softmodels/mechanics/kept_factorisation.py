@@ -1,0 +1,62 @@
+"""The factorisation of K that is kept over several solves, and when it has aged enough to be replaced."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.mechanics.bordered import Bordered
+from softmodels.mechanics.system import State, System
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+MOST_ITERATIONS_OF_A_SOLVE = 25
+"""GMRES iterations in one solve after which the kept factorisation is replaced at once."""
+MOST_ITERATIONS_OF_A_FACTORISATION = 60
+"""GMRES iterations in all after which the next state gets a factorisation of its own."""
+
+
+class KeptFactorisation:
+    """K of an earlier state, factorised: preconditioner of what is solved since.
+
+    Attributes:
+        base: The state at which it was made; None if there is none, or it was made at an iterate.
+        age: Iterations of the linear solver since.
+        worn: Whether the last solve took so many of them that it is replaced at the next one.
+    """
+
+    def __init__(self, system: System, bordered: Bordered):
+        self.system, self.bordered = system, bordered
+        self.base: State | None = None
+        self.age, self.worn = 0, False
+
+    def make(self, base: State | None) -> None:
+        """Factorise the tangent of the current state, which is ``base`` or an iterate."""
+        self.system.assemble_tangent()
+        self.bordered.factorise()
+        self.age, self.base, self.worn = 0, base, False
+
+    def set_columns(self) -> npt.NDArray[np.float64]:
+        """Put the current state's loads in the border; each cavity's load of a unit pressure, shape (k, n)."""
+        loads = self.system.pressure_loads()
+        rows = [self.system.coupling.shares, *self.system.coupling.constraints]
+        for column, row in zip(self.bordered.columns, rows, strict=True):
+            column.array_w[:] = row @ loads
+        return loads
+
+    def count(self, ksp: PETSc.KSP) -> None:
+        """Take note of how much older a linear solve has made it."""
+        self.age += ksp.getIterationNumber()
+        self.worn = ksp.getIterationNumber() > MOST_ITERATIONS_OF_A_SOLVE
+
+    def spoil(self) -> None:
+        """Make it stale: what led here is no preconditioner to go on with."""
+        self.age = MOST_ITERATIONS_OF_A_FACTORISATION + 1
+
+    @property
+    def stale(self) -> bool:
+        """Whether a new one is due: it has aged, or was made at an iterate and not at a state."""
+        return self.base is None or self.age > MOST_ITERATIONS_OF_A_FACTORISATION
