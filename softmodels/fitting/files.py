@@ -28,16 +28,16 @@ def write_materials(report: FitReport, folder: Path, more: Mapping[str, str] = M
     """
     texts = {name_of(report.chosen): material_toml(report.chosen, report)}
     if len(report.laws) > 1:
-        texts |= {name_of(one, one.choice.name): material_toml(one, report) for one in report.laws}
+        texts |= {name_of(fitted, fitted.choice.name): material_toml(fitted, report) for fitted in report.laws}
     texts |= more
     retire(folder, set(texts))
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def name_of(one: FittedLaw, law: str = "") -> str:
+def name_of(fitted: FittedLaw, law: str = "") -> str:
     """File name of a law's material; without its name, the chosen one's."""
-    return f"{SOUND if one.sound else UNSOUND}{'-' + law if law else ''}.toml"
+    return f"{SOUND if fitted.sound else UNSOUND}{'-' + law if law else ''}.toml"
 
 
 def retire(folder: Path, replaced: set[str] = frozenset()) -> None:  # type: ignore[assignment]

@@ -21,21 +21,21 @@ from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
 
 
-def parameter_rows(one: FittedLaw) -> list[tuple[str, str, str, str]]:
+def parameter_rows(law: FittedLaw) -> list[tuple[str, str, str, str]]:
     """Parameter, value, unit and 95 % interval, as texts."""
     rows = []
-    for p in one.fit.parameters:
+    for p in law.fit.parameters:
         if p.hidden:
             continue
-        value = one.fit.values[p.name]
-        text, unit = with_prefix(value, p.unit, one.fit.error(p.name))
+        value = law.fit.values[p.name]
+        text, unit = with_prefix(value, p.unit, law.fit.error(p.name))
         if p.fixed:
             rows.append((p.name, text, unit, "fixed"))
             continue
         factor = {"MPa": 1e-6, "kPa": 1e-3, "mm": 1e3}.get(unit, 1.0)
-        low, high = (_plain(end * factor, one.fit.error(p.name) * factor) for end in one.interval(p.name))
+        low, high = (_plain(end * factor, law.fit.error(p.name) * factor) for end in law.interval(p.name))
         ends = [f"{t} (its bound)" if e in (p.lower, p.upper) else t
-                for t, e in zip((low, high), one.interval(p.name), strict=True)]  # fmt: skip
+                for t, e in zip((low, high), law.interval(p.name), strict=True)]  # fmt: skip
         rows.append((p.name, text, unit, " to ".join(ends) if "nan" not in (low, high) else "at a bound"))
     return rows
 
@@ -49,16 +49,16 @@ def _plain(value: float, error: float) -> str:
     return f"{value:.{min(digits, 9)}g}"
 
 
-def correlation_rows(one: FittedLaw) -> list[list[str]]:
+def correlation_rows(law: FittedLaw) -> list[list[str]]:
     """The correlations of the free parameters below the diagonal, as texts; empty for one parameter."""
-    names, R = [p.name for p in one.fit.free if not p.hidden], one.fit.correlations
+    names, R = [p.name for p in law.fit.free if not p.hidden], law.fit.correlations
     return [[names[i], *(f"{R[i, j]:+.3f}" for j in range(i))] for i in range(1, len(names))]
 
 
-def residual_rows(one: FittedLaw) -> list[tuple[str, str, str, str, str]]:
+def residual_rows(law: FittedLaw) -> list[tuple[str, str, str, str, str]]:
     """Group, rms, mean, largest, and over how many points residuals keep together, as texts."""
     rows = []
-    for name, group in one.fit.summaries.items():
+    for name, group in law.fit.summaries.items():
         factor, unit = (1e-3, "kPa") if group.unit == "Pa" else (1.0, group.unit)
         numbers = [f"{value * factor:.3g} {unit}" for value in (group.rms, group.mean, group.largest)]
         rows.append((name, *numbers, f"{group.run:.0f} of {group.count}"))
@@ -68,53 +68,53 @@ def residual_rows(one: FittedLaw) -> list[tuple[str, str, str, str, str]]:
 def as_text(report: FitReport) -> str:
     """The report for a terminal."""
     lines = [*report.ranges, report.how, ""]
-    for one in report.laws:
-        modulus, unit = with_prefix(one.material.shear_modulus_0, "Pa")
+    for law in report.laws:
+        modulus, unit = with_prefix(law.material.shear_modulus_0, "Pa")
         lines.append(
-            f"{one.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {one.material.poisson:g} (given)"
+            f"{law.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {law.material.poisson:g} (given)"
         )
         lines += [
             f"  {name:14s} {value:>12s} {unit:4s} 95 %: {interval}"
-            for name, value, unit, interval in parameter_rows(one)
+            for name, value, unit, interval in parameter_rows(law)
         ]
-        for name, *others in correlation_rows(one):
-            pairs = zip(one.fit.free, others, strict=False)
+        for name, *others in correlation_rows(law):
+            pairs = zip(law.fit.free, others, strict=False)
             lines.append(f"  correlation of {name}: " + ", ".join(f"{p.name} {text}" for p, text in pairs))
-        for name, rms, mean, largest, run in residual_rows(one):
+        for name, rms, mean, largest, run in residual_rows(law):
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residuals keep together over {run}")
-        lines += [f"  {text}" for text in (one.material.remark,) if text]
-        lines += [f"  {'not sound' if text in one.objections else 'warning'}: {text}" for text in one.warnings]
-        lines += [f"  {text}" for text in (*unseen(one.fit), *one.verdict.notes)]
+        lines += [f"  {text}" for text in (law.material.remark,) if text]
+        lines += [f"  {'not sound' if text in law.objections else 'warning'}: {text}" for text in law.warnings]
+        lines += [f"  {text}" for text in (*unseen(law.fit), *law.verdict.notes)]
         lines.append("")
     if len(report.laws) > 1:
-        lines += [f"  {one.fit.label:14s} AICc +{one.aicc:.4g}, BIC {one.bic:+.4g}" for one in report.comparison.ranked]
+        lines += [f"  {law.fit.label:14s} AICc +{law.aicc:.4g}, BIC {law.bic:+.4g}" for law in report.comparison.ranked]
     lines.append(report.verdict)
     if report.separate:
         lines += ["", *report.separate.sentences]
     return "\n".join(lines)
 
 
-def material_toml(one: FittedLaw, report: FitReport) -> str:
+def material_toml(law: FittedLaw, report: FitReport) -> str:
     """A material file for ``--material``, which says what it rests on."""
     import tomli_w
 
-    fit = one.fit
-    intervals = {p.name: [float(end) for end in one.interval(p.name)] for p in fit.free if not p.hidden}
+    fit = law.fit
+    intervals = {p.name: [float(end) for end in law.interval(p.name)] for p in fit.free if not p.hidden}
     hidden = {p.name for p in fit.parameters if p.hidden}
     about: dict[str, Any] = {
         "range": report.ranges,
         "how": report.how,
-        "sound": one.sound,
+        "sound": law.sound,
         "values": {name: float(value) for name, value in fit.values.items() if name not in hidden},
         "intervals_95": intervals,
-        "warnings": [*one.warnings],
-        "corrections": [*one.judgement.notes],
+        "warnings": [*law.warnings],
+        "corrections": [*law.judgement.notes],
         "unseen": [*unseen(fit)],
-        "stability": [*one.verdict.notes],
+        "stability": [*law.verdict.notes],
     }
     if report.separate:
         about["apart"] = report.separate.sentences
-    return tomli_w.dumps({"material": material_table.to_table(one.material), "fit": about})
+    return tomli_w.dumps({"material": material_table.to_table(law.material), "fit": about})
 
 
 def as_json(report: FitReport) -> str:
@@ -127,24 +127,24 @@ def as_json(report: FitReport) -> str:
             "preferred": report.comparison.preferred.label,
             "verdict": report.verdict,
             "apart": report.separate.sentences if report.separate else [],
-            "laws": [_law_json(one, report) for one in report.laws],
+            "laws": [_law_json(law, report) for law in report.laws],
         },
         indent=1,
     )
 
 
-def _law_json(one: FittedLaw, report: FitReport) -> dict[str, Any]:
-    fit = one.fit
+def _law_json(law: FittedLaw, report: FitReport) -> dict[str, Any]:
+    fit = law.fit
     shown = [i for i, p in enumerate(fit.free) if not p.hidden]
     ranked = next(r for r in report.comparison.ranked if r.fit is fit)
     return {
-        "law": one.choice.name,
-        "material": material_table.to_table(one.material),
+        "law": law.choice.name,
+        "material": material_table.to_table(law.material),
         "parameters": [
             {
                 "name": p.name, "unit": p.unit, "value": fit.values[p.name], "fixed": p.fixed,
                 "standard_error": _finite(fit.error(p.name)),
-                "interval_95": [_finite(end) for end in one.interval(p.name)],
+                "interval_95": [_finite(end) for end in law.interval(p.name)],
                 "start": p.start, "bounds": [_finite(p.lower), _finite(p.upper)],
                 "prior": dataclasses.asdict(p.prior) if p.prior else None,
             }
@@ -164,14 +164,14 @@ def _law_json(one: FittedLaw, report: FitReport) -> dict[str, Any]:
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {
             name: {"values": p.values.tolist(), "rises": [*map(_finite, p.rises)], "limit": p.limit}
-            for name, p in one.profiles.items()
+            for name, p in law.profiles.items()
         },
         "deviance": fit.deviance, "scatter": fit.scatter, "independent": fit.independent, "loss": fit.loss,
         "errors": fit.errors, "evaluations": fit.evaluations, "aicc": fit.aicc, "bic": fit.bic,
         "aicc_behind": ranked.aicc, "bic_behind": ranked.bic, "misfit_ratio": ranked.ratio,
-        "sound": one.sound, "objections": list(one.objections), "corrections": list(one.judgement.notes),
-        "converged": fit.converged, "warnings": list(one.warnings), "unseen": list(unseen(fit)),
-        "stability": list(one.verdict.notes),
+        "sound": law.sound, "objections": list(law.objections), "corrections": list(law.judgement.notes),
+        "converged": fit.converged, "warnings": list(law.warnings), "unseen": list(unseen(fit)),
+        "stability": list(law.verdict.notes),
     }  # fmt: skip
 
 
@@ -184,8 +184,8 @@ def write_curves(path: Path, laws: Sequence[FittedLaw], curves: Sequence[Tensile
     """Measured and fitted nominal stresses in Pa, one row per point."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["curve", "test", "stretch", "measured_Pa", *(f"{one.choice.name}_Pa" for one in laws)])
+        rows.writerow(["curve", "test", "stretch", "measured_Pa", *(f"{law.choice.name}_Pa" for law in laws)])
         for curve in curves:
-            fitted = np.column_stack([respond(one.material, curve.stretch, curve.mode).stress for one in laws])
+            fitted = np.column_stack([respond(law.material, curve.stretch, curve.mode).stress for law in laws])
             for stretch, measured, row in zip(curve.stretch, curve.stress, fitted, strict=True):
                 rows.writerow([curve.name, curve.mode, f"{stretch:.9g}", f"{measured:.9g}", *(f"{v:.9g}" for v in row)])

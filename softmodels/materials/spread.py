@@ -13,20 +13,22 @@ def product_of(name: str) -> str:
     return OTHER_NAMES.get(name, name).partition("/")[0]
 
 
-def full_name(product: str, one: Silicone) -> str:
+def full_name(product: str, source: Silicone) -> str:
     """``product/source``."""
-    return f"{product}/{one.origin.key}"
+    return f"{product}/{source.origin.key}"
 
 
 def ends(product: str) -> tuple[Silicone, Silicone] | None:
     """The softest and the stiffest source in tension, by their shear modulus at small strain; None if there is one alone."""
-    pulled = sorted((one for one in PRODUCTS[product] if one.pulled), key=lambda one: one.material.shear_modulus_0)
+    pulled = sorted(
+        (source for source in PRODUCTS[product] if source.pulled), key=lambda source: source.material.shear_modulus_0
+    )
     return (pulled[0], pulled[-1]) if len(pulled) > 1 else None
 
 
 def factor(product: str) -> float | None:
     """Largest modulus of a product's sources over the smallest; None for one source alone."""
-    moduli = [one.material.shear_modulus_0 for one in PRODUCTS[product]]
+    moduli = [source.material.shear_modulus_0 for source in PRODUCTS[product]]
     return max(moduli) / min(moduli) if len(moduli) > 1 else None
 
 
@@ -48,9 +50,9 @@ def spread_sentence(name: str) -> str:
             f"the shear moduli of products with several sources differ by a factor of {low:.2g} to {high:.2g} (median "
             f"{middle:.2g}): fit a cast of your own before you rely on it"
         )
-    ordered = sorted(many, key=lambda one: one.material.shear_modulus_0)
-    moduli = ", ".join(f"{one.origin.key} {one.material.shear_modulus_0 / 1e3:.3g}" for one in ordered)
-    others = [full_name(product, one) for one in ends(product) or () if one is not used]
+    ordered = sorted(many, key=lambda source: source.material.shear_modulus_0)
+    moduli = ", ".join(f"{source.origin.key} {source.material.shear_modulus_0 / 1e3:.3g}" for source in ordered)
+    others = [full_name(product, source) for source in ends(product) or () if source is not used]
     return (
         f"{product} is {used.origin.key}'s here, and its sources differ: shear modulus at small strain in kPa {moduli} (a "
         f"factor of {factor(product):.2g} between batches, rates and laboratories); run it with --material "

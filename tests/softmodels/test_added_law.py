@@ -77,13 +77,14 @@ def test_another_law_of_a_name_is_refused(law):
     assert register(law) is LAWS["eight-chain"]
 
 
-def test_the_law_needs_no_name_to_be_fitted_to_a_curve():
-    """By its class alone, without being registered: the true numbers come back."""
+def test_the_law_needs_no_name_to_be_fitted_to_a_curve(capfd):
+    """By its class alone, without being registered: the true numbers come back, and nothing is printed."""
     report = fit_curves([strip()], EightChain)
     assert report.material == report.chosen.material and report.chosen.choice.law is EightChain
     for name, true in TRUTH.items():
         assert report.chosen.fit.values[name] == pytest.approx(true, rel=1e-6)
     assert report.chosen.interval("links")[0] < 4.0 < report.chosen.interval("links")[1]
+    assert capfd.readouterr() == ("", "")
 
 
 def test_the_default_start_has_the_modulus():
