@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,12 @@ from geometries.actuator import Vector
 from geometries.mesh_files import load_mesh
 from geometries.meshing import private_model
 from softmodels.mechanics.mpi import is_root, on_root
+
+if TYPE_CHECKING:
+    import ufl
+    from dolfinx import fem, mesh
+    from mpi4py import MPI
+    from ufl.core.expr import Expr
 
 QUADRATURE_DEGREE = 2
 """Exact for the products of linear gradients, which is what second-order elements need for their full rate."""
@@ -48,8 +54,8 @@ class Body:
     """
 
     actuator: Actuator
-    mesh: Any
-    cavity: Any
+    mesh: mesh.Mesh
+    cavity: mesh.MeshTags
     entities: dict[str, tuple[int, npt.NDArray[np.int32]]]
     skew: npt.NDArray[np.float64]
 
@@ -58,7 +64,7 @@ class Body:
         self._constant_inverse()
 
     @classmethod
-    def from_file(cls, actuator: Actuator, path: Path, comm: Any) -> Body:
+    def from_file(cls, actuator: Actuator, path: Path, comm: MPI.Comm) -> Body:
         """Read the Gmsh file that ``actuator.write`` made (rank 0 reads, all receive).
 
         Raises:
@@ -103,14 +109,14 @@ class Body:
     def skew_inverse(self) -> npt.NDArray[np.float64]:
         return np.linalg.inv(self.skew)
 
-    def measures(self) -> tuple[Any, Any]:
+    def measures(self) -> tuple[ufl.Measure, ufl.Measure]:
         """UFL measures over the reference body and its (first) cavity's wall, for the slice in 3-D, for the device in 2-D."""
         import ufl
 
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
         return dx, self._on_facets(self.cavity)(CAVITY)
 
-    def sheet_face(self, role: str) -> tuple[Any, Any]:
+    def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
         """UFL measure over the facets of a role, and their undeformed normal with three components.
 
         Raises:
@@ -123,12 +129,12 @@ class Body:
             [N[0], 0, N[1]]
         ) if self.axisymmetric else N
 
-    def _on_facets(self, tags: Any) -> Any:
+    def _on_facets(self, tags: mesh.MeshTags) -> ufl.Measure:
         import ufl
 
         return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
 
-    def _sheet_tags(self, role: str) -> Any:
+    def _sheet_tags(self, role: str) -> mesh.MeshTags:
         """`SHEET` on the facets of a role."""
         from dolfinx import mesh as meshes
 
@@ -141,19 +147,19 @@ class Body:
         return meshes.meshtags(self.mesh, tdim - 1, facets, np.full(len(facets), SHEET, dtype=np.int32))
 
     @property
-    def hoop(self) -> Any:
+    def hoop(self) -> Expr | float:
         """Factor of the measures: 2 pi R in an axisymmetric section, else 1."""
         import ufl
 
         return 2 * np.pi * ufl.SpatialCoordinate(self.mesh)[0] if self.axisymmetric else 1.0
 
-    def displacement(self, w: Any) -> Any:
+    def displacement(self, w: Expr) -> Expr:
         """u of the skew components w; shape (d,)."""
         import ufl
 
         return ufl.dot(self._constant_inverse(), w)
 
-    def deformation_gradient(self, w: Any, at_axis: bool = False) -> Any:
+    def deformation_gradient(self, w: Expr, at_axis: bool = False) -> Expr:
         """F as a 3 x 3 UFL tensor; in an axisymmetric section the order of directions is r, hoop, z.
 
         ``at_axis`` allows evaluation at R = 0, where u_r/R is the slope of u_r; integration points never lie there.
@@ -175,7 +181,7 @@ class Body:
             ]
         )
 
-    def volume_integrand(self, w: Any) -> Any:
+    def volume_integrand(self, w: Expr) -> Expr:
         """Integrand over the cavity wall whose integral is the deformed cavity's volume (divergence theorem).
 
         V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin.
@@ -189,7 +195,7 @@ class Body:
             x, N = ufl.as_vector([x[0], 0, x[1]]), ufl.as_vector([N[0], 0, N[1]])
         return -ufl.dot(x, ufl.dot(ufl.cofac(F), N)) / 3 * self.hoop
 
-    def volumes(self, w: Any) -> list[Any]:
+    def volumes(self, w: Expr) -> list[ufl.Form]:
         """UFL forms of the deformed cavities' volumes, one for each.
 
         Args:
@@ -198,7 +204,7 @@ class Body:
         integrand, ds = self.volume_integrand(w), self._on_facets(self.cavity)
         return [integrand * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
 
-    def _constant_inverse(self) -> Any:
+    def _constant_inverse(self) -> fem.Constant:
         from dolfinx import fem
 
         # A Constant, not numbers in the form: another angle then compiles nothing.
@@ -206,7 +212,7 @@ class Body:
             object.__setattr__(self, "_inverse", fem.Constant(self.mesh, self.skew_inverse))
         return self._inverse  # type: ignore[attr-defined]
 
-    def held(self, space: Any) -> list[tuple[int, npt.NDArray[np.int32]]]:
+    def held(self, space: fem.FunctionSpace) -> list[tuple[int, npt.NDArray[np.int32]]]:
         """Components of w and the dofs at which they vanish, in the numbering of ``space`` (vector-valued)."""
         from dolfinx import fem
 
@@ -243,7 +249,7 @@ def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
     return np.array([CAVITY, *range(SHEET + 1, SHEET + count)], dtype=np.int32)
 
 
-def in_section(direction: Any, dimension: int) -> npt.NDArray[np.float64]:
+def in_section(direction: npt.ArrayLike, dimension: int) -> npt.NDArray[np.float64]:
     """A direction of device coordinates in those of the mesh."""
     d = np.asarray(direction, dtype=float)
     return d if dimension == 3 else d[[0, 2]]

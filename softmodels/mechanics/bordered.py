@@ -13,7 +13,7 @@ point the whole system is regular although K is not.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,11 @@ import numpy.typing as npt
 from softmodels.mechanics.callbacks import Shell
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.mpi import owns_scalars, scalars_from_owner
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+Array = npt.NDArray[np.float64]
 
 OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
 """MUMPS' INFOG(1) where it could not allocate, or where what it had allocated was too small (its guide, section 8)."""
@@ -38,7 +43,7 @@ class Bordered:
         constraints: Number of held volumes.
     """
 
-    def __init__(self, K: Any, product: Callable[[Any, Any], None], constraints: int = 0):
+    def __init__(self, K: PETSc.Mat, product: Callable[[Array, Array], None], constraints: int = 0):
         from petsc4py import PETSc
 
         self.K, self.product, self.comm = K, product, K.comm.tompi4py()
@@ -49,7 +54,9 @@ class Bordered:
         self._lifted = [K.createVecRight() for _ in range(self.scalars)]
         self._r, self._y = K.createVecRight(), K.createVecRight()
         self.control = Control(0.0, 1.0, 0.0)
-        self.row: Any = None  # a force that takes q's place in the control's equation, where that is not of the volume
+        self.row: PETSc.Vec | None = (
+            None  # a force in q's place in the control's equation, where that is not of the volume
+        )
         self.compliances = np.zeros((self.scalars, self.scalars))
         self.factorisations = 0
         self._direct = PETSc.PC().create(K.comm)
@@ -68,12 +75,12 @@ class Bordered:
         self.mat.setUp()
 
     @property
-    def q(self) -> Any:
+    def q(self) -> PETSc.Vec:
         """The load of a unit pressure."""
         return self.columns[0]
 
     @property
-    def constraint_columns(self) -> list[Any]:
+    def constraint_columns(self) -> list[PETSc.Vec]:
         """The loads of unit pressures in the cavities whose volumes are held."""
         return self.columns[1:]
 
@@ -82,17 +89,17 @@ class Bordered:
         for thing in (self._direct, self.mat, *self.columns, *self._lifted, self._r, self._y):
             thing.destroy()
 
-    def vector(self) -> Any:
+    def vector(self) -> PETSc.Vec:
         return self.mat.createVecRight()
 
-    def join(self, x: Any, body: Any, scalars: Sequence[float] | npt.NDArray[np.float64]) -> None:
+    def join(self, x: Any, body: Array | float, scalars: Sequence[float] | Array) -> None:
         """Fill ``x`` from the body's part (an array) and the pressures'."""
         with x as values:
             values[: self.n] = body
             if self.extra:
                 values[self.n :] = scalars
 
-    def split(self, x: Any) -> tuple[Any, npt.NDArray[np.float64]]:
+    def split(self, x: PETSc.Vec) -> tuple[Array, Array]:
         """The body's part (local array, a view valid until x changes) and the pressures' (on all ranks)."""
         values = x.array_r
         return values[: self.n], scalars_from_owner(self.comm, np.array(values[self.n :]))
@@ -111,7 +118,7 @@ class Bordered:
         self.factorisations += 1
         self.refresh()
 
-    def solve(self, b: Any, x: Any) -> None:
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """x = K^-1 b with the factorisation at hand, among the motions that keep the held volumes."""
         self._direct.apply(b, x)
         if self.constraint_columns:
@@ -138,7 +145,7 @@ class Bordered:
 
     # PETSc calls these: of the matrix, and of the preconditioner.
 
-    def mult(self, mat: Any, x: Any, y: Any) -> None:
+    def mult(self, mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         body, pressures = self.split(x)
         self._r.array_w[:] = body
         self.product(body, self._y.array_w)
@@ -148,7 +155,7 @@ class Bordered:
         gap = a * (self.row or self.q).dot(self._r) + b * pressures[0]
         self.join(y, self._y.array_r, [gap, *(column.dot(self._r) for column in self.constraint_columns)])
 
-    def apply(self, pc: Any, x: Any, y: Any) -> None:
+    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         body, gaps = self.split(x)
         self._r.array_w[:] = body
         self._direct.apply(self._r, self._y)

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+type Product[A] = Callable[[A, PETSc.Vec, PETSc.Vec], None]
 
 
-def weakly(method: Callable[..., Any]) -> Callable[..., Any]:
+def weakly[**P, T](method: Callable[P, T]) -> Callable[P, T]:
     """Return a function that calls a bound method without holding its object.
 
     PETSc's objects hold what they call. If that in turn holds them, the two are a cycle that Python's collector cannot see
@@ -18,11 +23,11 @@ def weakly(method: Callable[..., Any]) -> Callable[..., Any]:
     """
     reference = weakref.WeakMethod(method)
 
-    def call(*arguments: Any) -> Any:
+    def call(*arguments: P.args, **named: P.kwargs) -> T:
         bound = reference()
         if bound is None:
             raise ReferenceError("the object that this callback belonged to has been given back")
-        return bound(*arguments)
+        return bound(*arguments, **named)
 
     return call
 
@@ -30,5 +35,5 @@ def weakly(method: Callable[..., Any]) -> Callable[..., Any]:
 class Shell:
     """Context of a PETSc shell matrix and shell preconditioner whose products are methods of an object that owns both."""
 
-    def __init__(self, mult: Callable[..., Any], apply: Callable[..., Any]):
+    def __init__(self, mult: Product[PETSc.Mat], apply: Product[PETSc.PC]):
         self.mult, self.apply = weakly(mult), weakly(apply)

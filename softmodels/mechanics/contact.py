@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,9 @@ from geometries.actuator import Vector
 from geometries.selections import faces as plane_faces
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.mpi import largest
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 STIFFNESS = 300.0
 """Shear moduli of pressure per penetration of one size of the device: a contact pressure of one shear modulus, more than
@@ -132,7 +135,7 @@ class Contact:
         ObstacleError: A face that the mesh lacks, or that lies on both sides of the plane.
     """
 
-    def __init__(self, obstacle: Obstacle, body: Body, y: Any):
+    def __init__(self, obstacle: Obstacle, body: Body, y: Expr):
         import ufl
         from dolfinx import fem
 
@@ -162,7 +165,7 @@ class Contact:
         """Normal and place along it, turned to the side of the faces at rest; of the body, if they lie in the plane."""
         x, comm = self.body.mesh.geometry.x[:, : len(self.normal)], self.body.mesh.comm
 
-        def span(nodes: Any) -> list[float]:
+        def span(nodes: npt.NDArray[np.int32] | slice) -> list[float]:
             gaps = self.gaps(x[nodes])
             return [largest(comm, float(values.max()) if values.size else -math.inf) for values in (gaps, -gaps)]
 

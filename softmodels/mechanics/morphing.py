@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.body import Body
+
+if TYPE_CHECKING:
+    from dolfinx import fem
 
 Array = npt.NDArray[np.float64]
 
@@ -37,7 +40,7 @@ class Reshaping:
         self.nominal = {name: float(getattr(body.actuator, name)) for name in names}
         self._places = body.mesh.geometry.x.copy()
         self._moves = {name: self._motion(name, self._places) for name in names}
-        self.velocities: dict[str, Any] = {}
+        self.velocities: dict[str, fem.Function] = {}
         if names:
             space = fem.functionspace(body.mesh, body.mesh.ufl_domain().ufl_coordinate_element())
             self.velocities = {name: fem.Function(space) for name in names}

@@ -9,9 +9,16 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from measurement.signal_handlers import handlers_kept
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    import numpy as np
+    import numpy.typing as npt
+    from mpi4py import MPI
 
 SHARED_MEMORY = Path("/dev/shm")
 """Where MPICH keeps what its ranks share, even of one rank; it ends the process where it cannot."""
@@ -27,7 +34,7 @@ class StartError(RuntimeError):
         self.status = status
 
 
-def start(petsc_options: Sequence[str] = ()) -> Any:
+def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     """Import MPI, PETSc and DOLFINx in the order they need and return the world communicator.
 
     Args:
@@ -107,21 +114,21 @@ def petsc_reason(error: BaseException) -> str:
     return str(error).strip().splitlines()[-1].removeprefix("[0] ")
 
 
-def is_root(comm: Any) -> bool:
+def is_root(comm: MPI.Comm) -> bool:
     return bool(comm.rank == 0)
 
 
-def owns_scalars(comm: Any) -> bool:
+def owns_scalars(comm: MPI.Comm) -> bool:
     """Whether this rank holds the global unknowns, the cavities' pressures: the last one."""
     return bool(comm.rank == comm.size - 1)
 
 
-def scalars_from_owner(comm: Any, values: Any) -> Any:
+def scalars_from_owner(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """The owner's array, on all ranks."""
     return values if comm.size == 1 else comm.bcast(values, root=comm.size - 1)
 
 
-def on_root[T](comm: Any, task: Callable[[], T]) -> T:
+def on_root[T](comm: MPI.Comm, task: Callable[[], T]) -> T:
     """Run ``task`` on rank 0 and return its result on all; if it raises, every rank raises the same exception."""
     outcome: tuple[bool, Any] = (True, None)
     if is_root(comm):
@@ -137,25 +144,25 @@ def on_root[T](comm: Any, task: Callable[[], T]) -> T:
     return value  # type: ignore[no-any-return]
 
 
-def total(comm: Any, value: float) -> float:
+def total(comm: MPI.Comm, value: float) -> float:
     from mpi4py import MPI
 
     return float(comm.allreduce(value, op=MPI.SUM))
 
 
-def largest(comm: Any, value: float) -> float:
+def largest(comm: MPI.Comm, value: float) -> float:
     from mpi4py import MPI
 
     return float(comm.allreduce(value, op=MPI.MAX))
 
 
-def abort_on_error(comm: Any) -> None:
+def abort_on_error(comm: MPI.Comm) -> None:
     """Make an exception on one rank end all: the others would wait for it in a collective for ever."""
     if comm.size == 1:
         return
     usual = sys.excepthook
 
-    def hook(kind: Any, error: Any, trace: Any) -> None:
+    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         usual(kind, error, trace)
         sys.stderr.flush()
         comm.Abort(1)
@@ -163,7 +170,7 @@ def abort_on_error(comm: Any) -> None:
     sys.excepthook = hook
 
 
-def gathered(comm: Any, values: Any) -> Any:
+def gathered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T]) -> Any:
     """Rows of all ranks' arrays, one below the other in the order of ranks, on rank 0; None elsewhere."""
     import numpy as np
 
@@ -171,23 +178,23 @@ def gathered(comm: Any, values: Any) -> Any:
     return None if parts is None else np.concatenate(parts)
 
 
-def everywhere(comm: Any, values: Any) -> Any:
+def everywhere[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T]) -> npt.NDArray[T]:
     """Rows of all ranks' arrays, one below the other in the order of ranks, on every rank."""
     import numpy as np
 
     return np.concatenate(comm.allgather(np.ascontiguousarray(values)))
 
 
-def scattered(comm: Any, values: Any, count: int) -> Any:
+def scattered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T] | None, count: int) -> npt.NDArray[T]:
     """The reverse of `gathered`: ``count`` rows of rank 0's array for each rank."""
     import numpy as np
 
     counts = comm.gather(count, root=0)
-    parts = None if values is None else np.split(values, np.cumsum(counts)[:-1])
+    parts = None if values is None or counts is None else np.split(values, np.cumsum(counts)[:-1])
     return comm.scatter(parts, root=0)
 
 
-def any_rank(comm: Any, value: bool) -> bool:
+def any_rank(comm: MPI.Comm, value: bool) -> bool:
     """Whether ``value`` is true on any rank."""
     return largest(comm, float(value)) > 0.0
 

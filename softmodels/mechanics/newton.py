@@ -117,9 +117,10 @@ class Newton:
     def _along(self) -> float:
         """How far the current state has gone from the anchor along its force."""
         assert self._anchor is not None
-        n = self.system.n
+        n, row = self.system.n, self.bordered.row
+        assert row is not None
         self._y.array_w[:] = self.system.w.x.array[:n] - self._anchor[:n]
-        return float(self.bordered.row.dot(self._y))
+        return float(row.dot(self._y))
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         self._take_iterate(x)
@@ -168,7 +169,8 @@ class Newton:
             return reasons.DIVERGED_FNORM_NAN
         if iteration == 0:
             self._first = residual
-        tolerance = TOLERANCE * max(self._load_size, FLOOR * self.bordered.q.norm())
+        unit_load: Any = self.bordered.q.norm()
+        tolerance = TOLERANCE * max(self._load_size, FLOOR * unit_load)
         # Forces in a thin wall cancel to a part in 1e9 of themselves; what rounding leaves of them Newton cannot mend.
         settled = iteration >= 2 and residual > 0.5 * self._before and residual <= ROUNDING * tolerance
         if residual <= tolerance or settled:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import types
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ from softmodels.mechanics.sheet import Sheet, membrane_energy, membrane_stress, 
 if TYPE_CHECKING:
     import ufl
     from dolfinx import fem, mesh
+    from ufl.core.expr import Expr
 
 
 class Potential:
@@ -82,7 +83,7 @@ class Potential:
         # The stress of a sheet as it is foreseen from another state, in Newton's matrix alone; see `foresee`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
 
-    def _vector_part(self, w: Any) -> ufl.core.expr.Expr:
+    def _vector_part(self, w: Expr) -> Expr:
         import ufl
 
         return ufl.split(w)[0] if self.mixed else w
@@ -102,7 +103,7 @@ class Potential:
             (share * self.P + rest) * load for (share, rest), load in zip(self._cavity_loads, self.loads, strict=True)
         )
 
-    def density(self, parameters: Any, bulk: Any) -> ufl.core.expr.Expr:
+    def density(self, parameters: types.SimpleNamespace, bulk: Expr) -> Expr:
         """Energy per reference volume, of anything that carries the law's parameters by name."""
         import ufl
 
@@ -113,7 +114,7 @@ class Potential:
         p = ufl.split(self.w)[1]
         return shape + p * (strain.J - 1) - bulk / 2 * p**2
 
-    def stored(self, density: Any, stiffness: Any) -> list[ufl.Form]:
+    def stored(self, density: Expr, stiffness: Expr) -> list[ufl.Form]:
         """Integrals of an energy density over the body and, if one is bonded, of a sheet of this stiffness."""
         inside = density * self.body.hoop * self.body.measures()[0]
         if self.sheet is None:
@@ -122,7 +123,7 @@ class Potential:
         membrane = membrane_energy(self.body.deformation_gradient(self.displacement), normal)
         return [inside, stiffness * membrane * self.body.hoop * on_face]
 
-    def tangent(self, trial: Any) -> list[ufl.Form]:
+    def tangent(self, trial: Expr) -> list[ufl.Form]:
         """Derivatives of the forces along a trial function, one for each; that of a sheet with its stress foreseen."""
         import ufl
 

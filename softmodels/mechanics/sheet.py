@@ -20,9 +20,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softmodels.materials.laws import MaterialError
+
+if TYPE_CHECKING:
+    from dolfinx import fem
+    from ufl.core.expr import Expr
 
 SOFTEST, STIFFEST = 1.0, 1e7
 """Stiffnesses in N/m that are taken: from a tenth of a millimetre of gel to a centimetre of nylon."""
@@ -52,7 +56,7 @@ class Sheet:
             )
 
 
-def surface_metric(F: Any, N: Any) -> Any:
+def surface_metric(F: Expr, N: Expr) -> Expr:
     """C of the surface, in UFL: symmetric, with one eigenvalue 0, along the undeformed normal N."""
     import ufl
 
@@ -60,7 +64,7 @@ def surface_metric(F: Any, N: Any) -> Any:
     return surface.T * surface
 
 
-def membrane_stress(C: Any) -> Any:
+def membrane_stress(C: Expr) -> Expr:
     """Derivative of `membrane_energy` by C, in UFL."""
     import ufl
 
@@ -69,7 +73,7 @@ def membrane_stress(C: Any) -> Any:
     return (ufl.Identity(3) - (I1 * ufl.Identity(3) - C) / area**2) / 6
 
 
-def membrane_tangent(C: Any, w: Any, foreseen: Any, test: Any, trial: Any) -> Any:
+def membrane_tangent(C: Expr, w: fem.Function, foreseen: Expr, test: Expr, trial: Expr) -> Expr:
     """Second derivative of `membrane_energy`, its stress foreseen and not that of the state, in UFL.
 
     Args:
@@ -85,7 +89,7 @@ def membrane_tangent(C: Any, w: Any, foreseen: Any, test: Any, trial: Any) -> An
     return stiffness + ufl.inner(foreseen, ufl.derivative(along, w, trial))
 
 
-def membrane_energy(F: Any, N: Any) -> Any:
+def membrane_energy(F: Expr, N: Expr) -> Expr:
     """Energy of the sheet per undeformed area and stiffness, in UFL.
 
     Args:

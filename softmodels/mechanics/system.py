@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -283,7 +283,7 @@ class System:
             dofs, owned = bc.dof_indices()
             y[dofs[:owned]] = x[dofs[:owned]]
 
-    def face_load(self, role: str, direction: Any) -> Array:
+    def face_load(self, role: str, direction: npt.ArrayLike) -> Array:
         """A unit load on the slice, spread evenly over a role's undeformed facets: owned entries, zero at held dofs."""
         import ufl
         from dolfinx import fem

@@ -11,12 +11,16 @@ Jensen 1987, doi 10.1090/S0025-5718-1987-0878698-5.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg
 
 from softmodels.mechanics.newton import NoConvergence
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
 
 TOLERANCE = 1e-7
 """Residual of K^-1 M x = nu x, in the norm of M and in shares of nu; the eigenvalue's error is about its square."""
@@ -27,8 +31,8 @@ MOST_STEPS = 150
 
 
 def lowest(
-    solve: Callable[[Any, Any], None], M: Any, start: Any, negatives: int, count: int = 1
-) -> tuple[float, list[Any]]:
+    solve: Callable[[PETSc.Vec, PETSc.Vec], None], M: PETSc.Mat, start: PETSc.Vec, negatives: int, count: int = 1
+) -> tuple[float, list[PETSc.Vec]]:
     """The lowest eigenvalue, its vector, and approximations of the next ones.
 
     Args:
@@ -47,8 +51,8 @@ def lowest(
     w, image = M.createVecRight(), M.createVecLeft()
     M.mult(start, image)
     solve(image, w)  # in the range of K^-1 M, where M is an inner product
-    basis: list[Any] = []
-    images: list[Any] = []
+    basis: list[PETSc.Vec] = []
+    images: list[PETSc.Vec] = []
     diagonal: list[float] = []
     beside: list[float] = []
     M.mult(w, image)
@@ -80,3 +84,9 @@ def lowest(
                 return 1 / float(values[chosen]), found
         beside.append(length)
     raise NoConvergence(f"the lowest eigenvalue was not found in {len(basis)} steps")
+
+
+def grown(square: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """A symmetric matrix with one more column and row."""
+    column = np.asarray(column)
+    return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])

@@ -7,12 +7,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from softmodels.mechanics.controls import Control, Curve, volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Tangent
 from softmodels.mechanics.system import State
 from softmodels.path.stability import Signature
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -88,7 +91,7 @@ class PathEnd(Exception):
         self.limit = limit
 
 
-def predict(points: Sequence[Point], line: Curve) -> tuple[Any, float]:
+def predict(points: Sequence[Point], line: Curve) -> tuple[Array, float]:
     """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
 
     The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,8 +26,11 @@ import scipy.linalg
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.lanczos import lowest
+from softmodels.path.lanczos import grown, lowest
 from softmodels.path.modes import Mode, ShiftInvert
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
 
 Array = npt.NDArray[np.float64]
 
@@ -107,7 +110,7 @@ class Stability:
         eq = self.solver.system
         seed, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
 
-        def rough(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        def rough(x: Array) -> Array:
             waves = np.array([[1.7, 2.3, 2.9], [3.1, 1.3, 2.1], [2.7, 3.3, 1.9]])
             return np.sin(waves[:d] @ x + 0.5) + 0.3 * np.sin(3.7 * waves[:d] @ x)
 
@@ -119,7 +122,7 @@ class Stability:
         self.sense = self.M.createVecLeft()  # tells a mode from its opposite
         self.M.mult(self.seed, self.sense)
         self.reference = self.largest = self._guess = 0.0
-        self.modes: list[Any] = []
+        self.modes: list[PETSc.Vec] = []
 
     # -- along a path -------------------------------------------------------------------------------------------------
 
@@ -180,9 +183,9 @@ class Stability:
         """
         eq, M = self.solver.system, self.M
         eq.load(state)
-        basis: list[Any] = []
-        products: list[Any] = []
-        images: list[Any] = []
+        basis: list[PETSc.Vec] = []
+        products: list[PETSc.Vec] = []
+        images: list[PETSc.Vec] = []
         new, before = list(self.modes), np.empty(0)
         A = C = np.empty((0, 0))
         for _ in range(MOST_CORRECTIONS):
@@ -191,7 +194,7 @@ class Stability:
                 eq.tangent_product(x.array_r, Kx.array_w)
                 M.mult(x, Mx)
                 basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
-                A, C = _grown(A, Kx.mDot(basis)), _grown(C, Mx.mDot(basis))
+                A, C = grown(A, Kx.mDot(basis)), grown(C, Mx.mDot(basis))
             values, vectors = scipy.linalg.eigh(A, C)
             # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
             likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
@@ -214,7 +217,7 @@ class Stability:
 
     # -- at one state -------------------------------------------------------------------------------------------------
 
-    def eigenpairs(self, state: State, count: int = 4) -> list[tuple[float, npt.NDArray[np.float64]]]:
+    def eigenpairs(self, state: State, count: int = 4) -> list[tuple[float, Array]]:
         """Eigenvalues nearest zero and their modes at a state, rising, by shift and invert through the factorised K.
 
         Args:
@@ -227,7 +230,7 @@ class Stability:
         self.solver.factorise(state)
         return self._pairs(count)
 
-    def _pairs(self, count: int) -> list[tuple[float, npt.NDArray[np.float64]]]:
+    def _pairs(self, count: int) -> list[tuple[float, Array]]:
         """`eigenpairs` of K as it is factorised."""
         from petsc4py import PETSc
         from slepc4py import SLEPc
@@ -257,7 +260,7 @@ class Stability:
         pairs.sort(key=lambda pair: pair[0])
         return pairs
 
-    def _mode(self, vector: Any) -> npt.NDArray[np.float64]:
+    def _mode(self, vector: PETSc.Vec) -> Array:
         from dolfinx import fem
 
         function = fem.Function(self.solver.system.space)
@@ -268,7 +271,7 @@ class Stability:
         scaled = function.x.array / math.copysign(largest, vector.dot(self.sense))
         return np.concatenate([scaled, np.zeros(len(self.solver.system.coupling.constraints))])
 
-    def critical(self, state: State, index: int) -> tuple[float, npt.NDArray[np.float64]]:
+    def critical(self, state: State, index: int) -> tuple[float, Array]:
         """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the state."""
         pairs = self.eigenpairs(state)
         negative = self.negative_eigenvalues()
@@ -276,7 +279,7 @@ class Stability:
         chosen = min(max(index - rank, 0), len(pairs) - 1)
         return pairs[chosen]
 
-    def like(self, state: State, shape: npt.NDArray[np.float64]) -> tuple[float, npt.NDArray[np.float64]]:
+    def like(self, state: State, shape: Array) -> tuple[float, Array]:
         """The eigenvalue whose mode is most like a shape, and that mode: the same one all along, whatever others it passes.
 
         Args:
@@ -294,9 +297,3 @@ class Stability:
         if likeness < ALIKE:
             raise NoConvergence("its mode was lost between two states")
         return value, mode
-
-
-def _grown(square: Array, column: Array) -> Array:
-    """A symmetric matrix with one more column and row."""
-    column = np.asarray(column)
-    return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])

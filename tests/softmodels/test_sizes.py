@@ -20,8 +20,6 @@ LONG_FILES = {
     "measurement/own_folder.py",
     "measurement/synthetic/bench.py",
     "softmodels/case/case.py",
-    "softmodels/mechanics/solver.py",
-    "softmodels/mechanics/system.py",
     "softmodels/pictures/plots.py",
     "softmodels/runs/simulation.py",
 }
@@ -33,7 +31,6 @@ LONG_FUNCTIONS = {
     "softmodels/cli/limit_command.py: limit",
     "softmodels/cli/options.py: device_command",
     "softmodels/cli/run.py: run",
-    "softmodels/mechanics/system.py: __init__",
 }
 MANY_PARAMETERS = {
     "measurement/camera/lens.py: lens_profile",
