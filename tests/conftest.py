@@ -77,7 +77,7 @@ class FigureWriter:
 
     def pytest_terminal_summary(self, terminalreporter):
         option = self.config.option
-        picked = option.keyword or option.markexpr or any("::" in word for word in self.config.args)
+        picked = option.keyword or option.markexpr or option.deselect or any("::" in word for word in self.config.args)
         whole = {file: passed and not picked for file, passed in self.passed.items()}
         readme = self.tables.README
         text = readme.read_text(encoding="utf-8")
@@ -95,6 +95,28 @@ def _module(name):
         sys.modules[name] = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(sys.modules[name])
     return sys.modules[name]
+
+
+QUICK = {
+    "geometries": ("apart disk_parameters disk_profile"),
+    "measurement": (
+        "blur bridging column copies edge flatness outline photo_list plane scaling second_lamp settling setup "
+        "smoothing toml_file units witness"
+    ),
+    "softmodels": (
+        "added_law case colours decimal_commas fitting gauges homogeneous law_stability materials quadratic_curve "
+        "rooms silicones sizes skin specimens strain tensile tensile_fit"
+    ),
+    "verification": ("discrete energy figure_tables measured_materials volume_ratio"),
+}
+"""Files of tests that `pytest -m quick` runs, by folder; a new one whose tests are short belongs here."""
+
+
+def pytest_collection_modifyitems(items):
+    quick = {f"{folder}/test_{name}.py" for folder, names in QUICK.items() for name in names.split()}
+    for item in items:
+        if "/".join(item.path.parts[-2:]) in quick:
+            item.add_marker(pytest.mark.quick)
 
 
 def pytest_addoption(parser):
