@@ -104,10 +104,10 @@ QUICK = {
         "smoothing toml_file units witness"
     ),
     "softmodels": (
-        "added_law case colours decimal_commas fitting gauges homogeneous law_stability materials quadratic_curve "
+        "case colours decimal_commas fitting homogeneous law_stability materials quadratic_curve "
         "rooms silicones sizes skin specimens strain tensile tensile_fit"
     ),
-    "verification": ("discrete energy figure_tables measured_materials volume_ratio"),
+    "verification": ("energy figure_tables measured_materials volume_ratio"),
 }
 """Files of tests that `pytest -m quick` runs, by folder; a new one whose tests are short belongs here."""
 
