@@ -50,3 +50,18 @@ def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "")
             read = fields[name].kind.read(what + key.replace("_", " ") if what else key, value)
             values[name] = read * factor if isinstance(read, float) and factor != 1.0 else read
     return values
+
+
+def from_options(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of options, which are numbers in their units already, by the names of a dataclass's fields.
+
+    Args:
+        kind: The dataclass.
+        values: By the names of the options; what is None is left out.
+    """
+    fields = {field.option or name: (name, field.per_option) for name, field in about(kind).items()}
+    given = {option: value for option, value in values.items() if value is not None}
+    return {
+        fields[option][0]: value * fields[option][1] if isinstance(value, float) else value
+        for option, value in given.items()
+    }

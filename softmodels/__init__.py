@@ -31,7 +31,8 @@ _PLACES = {
     "softmodels.mechanics.contact": ("Obstacle", "ObstacleError"),
     "softmodels.mechanics.mpi": ("StartError",),
     "softmodels.mechanics.sheet": ("Sheet",),
-    "softmodels.path.syringe": ("Syringe", "SupplyError"),
+    "softmodels.path.air_supply": ("SupplyError",),
+    "softmodels.path.syringe": ("Syringe",),
     "softmodels.case.case": ("Case", "CaseError"),
     "softmodels.fitting.problem": ("FitError",),
     "softmodels.fitting.options": ("FitOptions",),
@@ -74,7 +75,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.contact import ObstacleError as ObstacleError
     from softmodels.mechanics.mpi import StartError as StartError
     from softmodels.mechanics.sheet import Sheet as Sheet
-    from softmodels.path.syringe import SupplyError as SupplyError
+    from softmodels.path.air_supply import SupplyError as SupplyError
     from softmodels.path.syringe import Syringe as Syringe
     from softmodels.results.limits import Limit as Limit
     from softmodels.results.outcomes import RunError as RunError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from measurement.ending import stoppable
 from softmodels.mechanics.mpi import speaks
@@ -45,14 +46,12 @@ def softmodels() -> None:
 @softmodels.command("run")
 @click.argument("file", type=click.Path(path_type=Path))
 @commandline.run_options
-def run_file(
-    file: Path, output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...]
-) -> None:
+def run_file(file: Path, **values: Any) -> None:
     """Run a case FILE, such as the case.toml in a folder of results.
 
     The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
     """
-    commandline.execute(lambda: Case.from_file(file), output, resume, quiet, no_pictures, petsc, branch, [file])
+    commandline.execute(lambda: Case.from_file(file), commandline.RunOptions.taken(values), [file])
 
 
 softmodels.add_command(limit_command.command)

@@ -1,16 +1,16 @@
-"""Materials as text: options of a command line, tables of a TOML file, names of the library."""
+"""Materials as text: values of a command line, tables of a TOML file, names of the library."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import click
-
+from geometries.errors import FieldError
+from geometries.kinds import Quantity, Text
 from measurement.toml_file import TomlError, read_toml
-from measurement.units import UnitError, brief, exact_text, quantity
+from measurement.units import exact_text
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.material import LAWS, Material, MaterialError
 from softmodels.materials.silicones import PRODUCTS, silicone_called
@@ -20,30 +20,7 @@ CONVENTION = "convention"
 """Key that says how a law's parameters are meant, where there are several ways."""
 
 
-def material_options(command: Callable[..., Any], default: str | None = None) -> Callable[..., Any]:
-    """Add ``--material`` and an option for every parameter of every law to a click command.
-
-    Args:
-        command: The function or command.
-        default: The silicone that stands in the help as the default; None for `DEFAULT`.
-    """
-    for name, (text, laws) in reversed(_entries().items()):
-        of = "all laws" if len(laws) == len(LAWS) else ", ".join(laws)
-        command = click.option(_flag(name), name, help=f"{text[0].upper()}{text[1:]} ({of}).")(command)
-    text = (
-        f"A law ({', '.join(LAWS)}), a silicone ({', '.join(PRODUCTS)}; perhaps with its source, such as "
-        "ecoflex-00-30/liao-2021: see softmodels silicones) or a TOML file with a [material] table.  "
-        f"[default: {default or f'neo-hookean, shear modulus {exact_text(DEFAULT.shear_modulus, "Pa")}'}]"
-    )
-    return click.option("--material", "material", metavar="NAME", help=text)(command)
-
-
-def material_names() -> list[str]:
-    """Names of the parameters that `material_options` adds."""
-    return list(_entries())
-
-
-def _entries() -> dict[str, tuple[str, list[str]]]:
+def material_options_of() -> dict[str, tuple[str, list[str]]]:
     """Help and laws of everything that a material's table may hold, by name: fields first, then what stands in for them."""
     entries: dict[str, tuple[str, list[str]]] = {}
     for law in LAWS.values():
@@ -103,7 +80,7 @@ def _read_file(path: Path) -> dict[str, Any]:
     return dict(table["material"])
 
 
-def to_table(material: Material, text: Callable[[float, str], str] = exact_text) -> dict[str, Any]:
+def to_table(material: Material, text: Text = exact_text) -> dict[str, Any]:
     """A material as a TOML table: its law and parameters with units. `from_table` gives back an equal one.
 
     ``text`` writes the quantities; `measurement.units.readable` is for people.
@@ -166,9 +143,7 @@ def _read(law: str, key: str, value: Any, unit: str, many: bool = False) -> Any:
         if not isinstance(parts, list | tuple):
             parts = [parts]
         return tuple(_read(law, key, part, unit) for part in parts)
-    if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise MaterialError(f"{law}: {key} is {brief(value)}; it must be a number" + (" with a unit" if unit else ""))
     try:
-        return quantity(value, unit)
-    except UnitError as error:
-        raise MaterialError(f"{law}: {key}: {error}") from None
+        return Quantity(unit).read(f"{law}: {key}", value)
+    except FieldError as error:
+        raise MaterialError(str(error)) from None

@@ -22,7 +22,8 @@ from measurement.own_folder import OwnFolderError
 from measurement.synthetic.demo import FLOOR, SCENE
 from measurement.synthetic.photographer import Scene, photograph, save
 from measurement.units import pascal_per_cm
-from softmodels.case.case import Case, material_table
+from softmodels.case.case import Case
+from softmodels.case.material_table import DEFAULT
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.simulated import half_outline, readings_of
@@ -135,7 +136,7 @@ def commands(folder: Path, truth: Truth) -> list[tuple[str, list[str]]]:
 def write_case(folder: Path, truth: Truth) -> None:
     """The case that a user would have: device and pressures, with a silicone that is not the true one."""
     heights = tuple(p / pascal_per_cm() for p in truth.pressures)
-    text = Case("disk", truth.actuator, material_table.DEFAULT, pressures_cm=heights).to_toml()
+    text = Case("disk", truth.actuator, DEFAULT, pressures_cm=heights).to_toml()
     (folder / "case.toml").write_text(text, encoding="utf-8")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import os
 import sys
@@ -12,20 +13,14 @@ from typing import Any
 
 import click
 
-from geometries import Actuator, GeometryError
-from geometries.options import QuantityType, device_options, device_told
+from geometries import Actuator
 from measurement.ending import STOPPED, asked_to_stop, bounded, stoppable, written
 from measurement.output_option import FolderType
-from measurement.units import WATER_DENSITY
-from softmodels.case.case import CONTROLS, FORMULATIONS, Case, CaseError, sheet_from
-from softmodels.case.material_table import material_from, material_names, material_options
+from softmodels.case.case import Case
+from softmodels.case.errors import INPUT_ERRORS, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
-from softmodels.case.ranges import SeriesError, series
-from softmodels.case.supply_table import supply_from, supply_options
-from softmodels.materials.laws import MaterialError
-from softmodels.mechanics.contact import STIFFNESS, Obstacle, ObstacleError
+from softmodels.cli.case_options import CaseOptions
 from softmodels.mechanics.mpi import StartError, speaks, start
-from softmodels.path.syringe import SupplyError
 from softmodels.results.outcomes import FAILED, NO_MEMORY
 
 HELP = """Inflate {what} and write its whole load path.
@@ -47,6 +42,32 @@ Words after -- go to PETSc; the factorisation of the tangent has the prefix body
 \b
 Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested value (limit point); 130 stopped.
 """
+
+
+@dataclasses.dataclass(frozen=True)
+class RunOptions:
+    """The options of how to run, as `run_options` adds them.
+
+    Attributes:
+        output: Folder for the results; None for the default.
+        resume: Go on from an interrupted run.
+        quiet: Report errors alone.
+        no_pictures: Draw nothing.
+        branch: Follow the branch at the first bifurcation too.
+        petsc: Words for PETSc.
+    """
+
+    output: Path | None
+    resume: bool
+    quiet: bool
+    no_pictures: bool
+    branch: bool
+    petsc: tuple[str, ...]
+
+    @classmethod
+    def taken(cls, values: dict[str, Any]) -> RunOptions:
+        """Take them out of a command's values."""
+        return cls(**{field.name: values.pop(field.name) for field in dataclasses.fields(cls)})
 
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -80,110 +101,47 @@ def device_command(
         examples: Options of further examples in the help.
         default: The silicone when none is given; None for the default law.
     """
-    name = device.stem
+    options = CaseOptions(device, default)
 
-    def command(pressure_cm: str | None, volume_ml: str | None, water_density: float, control: str, formulation: str,
-                sheet: str | None, sheet_stiffness: str | None, contact: str | None, contact_plane: str | None,
-                contact_stiffness: float | None,
-                output: Path | None, resume: bool, quiet: bool, no_pictures: bool, branch: bool, petsc: tuple[str, ...],
-                **values: Any) -> None:  # fmt: skip
-        def case() -> Case:
-            law = {key: values.pop(key) for key in material_names()}
-            supply, stroke_ml, cycle = supply_from(values), values.pop("stroke_ml"), values.pop("cycle")
-            named = values.pop("material")
-            material = material_from(default if named is None else named, law)
-            return Case(
-                name=name, actuator=device_told(device, values), material=material,
-                pressures_cm=series(pressure_cm, "pressure") if pressure_cm is not None else (),
-                volumes_ml=series(volume_ml, "volume") if volume_ml is not None else (),
-                water_density=water_density, control=control, formulation=formulation,
-                sheet=sheet_from(sheet, sheet_stiffness) if (sheet, sheet_stiffness) != (None, None) else None,
-                strokes_ml=series(stroke_ml, "stroke") if stroke_ml is not None else (), supply=supply,
-                cycle=cycle,
-                obstacle=obstacle_from(contact, contact_plane, contact_stiffness),
-            )  # fmt: skip
-
-        execute(case, output, resume, quiet, no_pictures, petsc, branch)
+    def command(**values: Any) -> None:
+        how = RunOptions.taken(values)
+        execute(lambda: options.case(values), how)
 
     what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
     command.__doc__ = HELP.format(what=what, pressures=pressures, module=module,
-                                  examples="\n".join(f"  python -m {module} {options}" for options in examples))  # fmt: skip
-    made: Callable[..., Any] = run_options(command)
-    made = click.option("--formulation", type=click.Choice(FORMULATIONS), default="mixed", show_default=True,
-                        help="Displacement and pressure, or displacement alone (compressible studies).")(made)  # fmt: skip
-    made = click.option("--control", type=click.Choice(CONTROLS), default="auto", show_default=True,
-                        help="What the path follows.")(made)  # fmt: skip
-    made = click.option("--contact-stiffness", type=QuantityType(""), help="Shear moduli of contact pressure per "
-                        f"sinking in by one size of the device.  [default: {STIFFNESS:g}]")(made)  # fmt: skip
-    made = click.option("--contact-plane", metavar="PLANE", help="The rigid plane: 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm'"
-                        ", or a cut plane's name for walls that meet their mirror image.")(made)  # fmt: skip
-    made = click.option("--contact", metavar="FACES", help="Faces that a rigid plane without friction stops, such as top; its "
-                        "force is in path.csv.")(made)  # fmt: skip
-    made = click.option("--sheet-stiffness", metavar="STIFFNESS",
-                        help="Young's modulus times thickness of the sheet, such as 50kN/m: on silicone that hardly "
-                        "stretches.")(made)  # fmt: skip
-    made = click.option("--sheet", metavar="FACE",
-                        help=f"Bond a thin sheet to a face of the device: {', '.join(device.faces)}.")(made)  # fmt: skip
-    text = f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, as measured in the thesis]"
-    made = click.option("--water-density", type=QuantityType("kg/m^3"), default=WATER_DENSITY, help=text)(made)
-    text = (
-        "Lower the pressure again through the same values; at limit points the device jumps, as under a water column."
-    )
-    made = click.option("--cycle", is_flag=True, help=text)(made)
-    made = supply_options(made)
-    made = material_options(made, default)
-    made = device_options(device)(made)
-    made = click.option(
-        "--volume-ml", metavar="SERIES", help="Added volumes of the cavity in ml, in place of pressures."
-    )(made)
-    made = click.option(
-        "--pressure-cm", metavar="SERIES", help="Pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177."
-    )(made)
+                                  examples="\n".join(f"  python -m {module} {words}" for words in examples))  # fmt: skip
+    made = options.add(run_options(command))
     return click.command(name=module, context_settings={"help_option_names": ["-h", "--help"]})(made)
 
 
-def obstacle_from(faces: str | None, plane: str | None, stiffness: float | None) -> Obstacle | None:
-    """The obstacle of a command's options; None if none is given.
+def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = ()) -> None:
+    """Build a case, run it and exit with its status; see `softmodels.cli.run.run`.
 
-    Raises:
-        ObstacleError: One of them without the others.
+    Args:
+        case: Makes it.
+        how: The options of the command.
+        inputs: Files that the user has given: they are never written.
     """
-    if faces is None and plane is None and stiffness is None:
-        return None
-    return Obstacle(faces or "", plane or "", STIFFNESS if stiffness is None else stiffness)
-
-
-def execute(
-    case: Callable[[], Case],
-    output: Path | None,
-    resume: bool,
-    quiet: bool,
-    no_pictures: bool,
-    petsc: tuple[str, ...],
-    branch: bool = False,
-    inputs: Sequence[Path] = (),
-) -> None:
-    """Build a case, run it and exit with its status; see `softmodels.cli.run.run`."""
     try:
         ready = case()
-        _check_words(petsc)
-        if branch and ready.program:
+        _check_words(how.petsc)
+        if how.branch and ready.program:
             raise CaseError("--branch does not follow a series for each cavity; leave one of them out")
-        if branch and ready.cycle:
+        if how.branch and ready.cycle:
             raise CaseError(
                 "--branch leaves the path where it bifurcates and --cycle jumps there; leave one of them out"
             )
-    except (CaseError, GeometryError, MaterialError, ObstacleError, SeriesError, SupplyError) as error:
+    except INPUT_ERRORS as error:
         fail(str(error))
     with stoppable("softmodels", speaks):
         from softmodels.cli.run import run
 
     try:
         with stoppable("softmodels", speaks):
-            start(petsc)
+            start(how.petsc)
         status = run(
-            ready, output, resume=resume, quiet=quiet, petsc=petsc, draw=not no_pictures, branch=branch, inputs=inputs,
-            interrupts=asked_to_stop,
+            ready, how.output, resume=how.resume, quiet=how.quiet, petsc=how.petsc, draw=not how.no_pictures,
+            branch=how.branch, inputs=inputs, interrupts=asked_to_stop,
         )  # fmt: skip
     except StartError as error:
         fail(str(error), error.status)

@@ -16,13 +16,15 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
+from geometries.fields import field_of
+from geometries.kinds import Quantity, Words
 from geometries.selections import faces as plane_faces
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.mpi import largest
@@ -59,15 +61,26 @@ class Obstacle:
         ObstacleError: No such plane, or a stiffness out of `SOFTEST` to `STIFFEST`.
     """
 
-    faces: str
-    plane: str
-    stiffness: float = STIFFNESS
+    faces: str = field_of(
+        Words(), "faces that a rigid plane without friction stops, such as top; its force is in path.csv"
+    )
+    plane: str = field_of(
+        Words(),
+        "the rigid plane: 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm', or a cut plane's name for walls that meet their mirror "
+        "image",
+    )
+    stiffness: float = field_of(
+        Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
+    )
+
+    table: ClassVar[str] = "contact"
+    needs: ClassVar[str] = (
+        "contact needs the faces that are stopped and a plane (--contact top --contact-plane 'z = 9mm')"
+    )
 
     def __post_init__(self) -> None:
         if not (isinstance(self.faces, str) and self.roles and isinstance(self.plane, str) and self.plane):
-            raise ObstacleError(
-                "contact needs the faces that are stopped and a plane (--contact top --contact-plane 'z = 9mm')"
-            )
+            raise ObstacleError(self.needs)
         number = isinstance(self.stiffness, int | float) and not isinstance(self.stiffness, bool)
         if not number or not SOFTEST <= self.stiffness <= STIFFEST:
             raise ObstacleError(
@@ -76,6 +89,10 @@ class Obstacle:
             )
         if not self.on_cut:
             self._written()
+
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise `ObstacleError` where there is no such plane beside a device."""
+        self.place(actuator)
 
     @property
     def roles(self) -> list[str]:

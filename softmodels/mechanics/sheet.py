@@ -19,9 +19,11 @@ is the mean of the metric over each facet. Lines of an axisymmetric section do n
 from __future__ import annotations
 
 import dataclasses
-import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
+from geometries import Actuator
+from geometries.fields import field_of, settle
+from geometries.kinds import Quantity, Words
 from softmodels.materials.laws import MaterialError
 
 if TYPE_CHECKING:
@@ -44,15 +46,30 @@ class Sheet:
         MaterialError: A stiffness that no sheet has.
     """
 
-    face: str
-    stiffness: float
+    face: str = field_of(Words(), "bond a thin sheet to a face of the device, such as top")
+    stiffness: float = field_of(
+        Quantity("N/m"),
+        "Young's modulus times thickness of the sheet, such as 50kN/m: on silicone that hardly stretches",
+    )
+
+    table: ClassVar[str] = "sheet"
+    needs: ClassVar[str] = "a sheet needs both its face and its stiffness (--sheet top --sheet-stiffness 50kN/m)"
 
     def __post_init__(self) -> None:
-        if not math.isfinite(self.stiffness) or not SOFTEST <= self.stiffness <= STIFFEST:
+        settle(self, MaterialError)
+        if not SOFTEST <= self.stiffness <= STIFFEST:
             raise MaterialError(
                 f"the sheet's stiffness is {self.stiffness:.4g} N/m; it is Young's modulus times thickness, and "
                 f"{SOFTEST:g} to {STIFFEST:g} N/m are taken (0.1 mm of polyester: about "
                 "400 kN/m; 50 kN/m hardly stretch on silicone)"
+            )
+
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise `MaterialError` where a device has no such face."""
+        if self.face not in actuator.faces:
+            raise MaterialError(
+                f"sheet {self.face!r} is no face of {type(actuator).__name__}; a sheet goes on "
+                f"{' or '.join(actuator.faces) or 'none of its faces'}"
             )
 
 

@@ -16,7 +16,9 @@ import dataclasses
 import math
 from typing import ClassVar
 
-from measurement.units import brief
+from geometries.fields import field_of
+from geometries.kinds import Choice, Quantity
+from softmodels.path.air_supply import AirSupply, SupplyError, register
 from softmodels.path.quantities import Supply
 
 GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
@@ -24,12 +26,9 @@ GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
 AMBIENT = 101.325e3
 
 
-class SupplyError(ValueError):
-    """An impossible supply; the message is a sentence for the user."""
-
-
+@register
 @dataclasses.dataclass(frozen=True)
-class Syringe:
+class Syringe(AirSupply):
     """A syringe and its tubes; SI units.
 
     Attributes:
@@ -41,23 +40,40 @@ class Syringe:
             1 - leak S of what it was. So it is the leak of a piston moved at a steady rate.
     """
 
-    syringe: float = 20e-6
-    dead_volume: float = 5e-6
-    ambient: float = AMBIENT
-    gas: str = "isothermal"
-    leak: float = 0.0
+    syringe: float = field_of(Quantity("m^3"), "volume of the syringe, which is the largest stroke", 20e-6)
+    dead_volume: float = field_of(Quantity("m^3"), "volume of tubes and T-junction", 5e-6)
+    ambient: float = field_of(Quantity("Pa"), "absolute pressure around, at which everything was filled", AMBIENT)
+    gas: str = field_of(Choice(tuple(GASES)), "how the gas is squeezed", "isothermal")
+    leak: float = field_of(
+        Quantity(), "share of the gas's mass lost per volume of stroke, such as 0.002 per ml", 0.0,
+        key="leak_per_m3", option="leak_per_ml", per_option=1e6,
+    )  # fmt: skip
+    name: ClassVar[str] = "syringe"
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.gas, str) or self.gas not in GASES:
-            raise SupplyError(f"gas {brief(self.gas)} is not one of {', '.join(GASES)}")
+    def check(self) -> None:
         for name, value, least in (("syringe", self.syringe, True), ("dead volume", self.dead_volume, False),
                                    ("ambient pressure", self.ambient, True), ("leak", self.leak, False)):  # fmt: skip
-            if not math.isfinite(value) or value < 0 or (least and value == 0):
+            if value < 0 or (least and value == 0):
                 raise SupplyError(f"the {name} is {value:g}; it must be {'above' if least else 'at least'} zero")
         if self.leak * self.syringe >= 1:
             raise SupplyError(f"a leak of {self.leak * 1e-6:g} per ml loses all gas within one stroke")
         if self.gas == "liquid" and self.leak:
             raise SupplyError("a leak is of a gas; leave it out with a liquid")
+
+    def check_strokes(self, largest: float, cavity: float) -> None:
+        if largest > self.syringe * (1 + 1e-9):
+            raise SupplyError(
+                f"a stroke of {largest * 1e6:g} ml is more than the syringe holds, "
+                f"{self.syringe * 1e6:g} ml; take a larger one (--syringe)"
+            )
+        if self.leak * self.gas_at_rest(cavity) >= 1:
+            raise SupplyError(
+                "the leak loses all gas before the cavity is filled; --leak-per-ml is a share such as 0.005"
+            )
+
+    @property
+    def stores_energy(self) -> bool:
+        return not self.leak
 
     def gas_at_rest(self, cavity: float) -> float:
         """Volume in m3 of all gas at rest, with a cavity of so many m3."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+from geometries import codec
 from geometries import table as geometry_table
 from geometries.fields import about
 from measurement.units import readable
-from softmodels.case import material_table, supply_table
+from softmodels.case import material_table
 from softmodels.results.stored import States
 
 Table = tuple[str, list[tuple[str, str, str]]]
@@ -41,9 +42,7 @@ def _material(states: States) -> Table:
 
 def _load(states: States) -> Table:
     case = states.case
-    asked = [
-        ({"pressure": "pressures", "volume": "added volumes"}.get(case.quantity, "strokes"), case.values, case.unit)
-    ]
+    asked = [(case.load.requested.words, case.values, case.unit)]
     if case.program:
         asked = [
             (f"cavity{i}", series.values, f"{series.unit}{' added' if series.is_volume else ''}")
@@ -65,8 +64,8 @@ def _load(states: States) -> Table:
         unit = "shear moduli of pressure per sinking in by one size of the device"
         rows.append(("contact stiffness", f"{case.obstacle.stiffness:g}", unit))
     if case.supply is not None:
-        table = supply_table.to_table(case.supply, readable)
-        rows += [(name, value, supply_table.MEANINGS[name]) for name, value in table.items() if name != "kind"]
+        texts = {field.key or name: field.help for name, field in about(case.supply).items()}
+        rows += [(name, value, texts[name]) for name, value in codec.to_table(case.supply, readable).items()]
     return _parameters("Load and solver", rows)
 
 

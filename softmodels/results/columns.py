@@ -175,7 +175,7 @@ def _supplied(case: Case) -> bool:
 
 
 def _gas(case: Case) -> bool:
-    return case.supply is not None and not case.supply.leak
+    return case.supply is not None and case.supply.stores_energy
 
 
 DEVICE = Columns(lambda s: s.figures.device, _device_term)

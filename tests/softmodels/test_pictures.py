@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import shutil
 from pathlib import Path
@@ -13,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from geometries import HollowDisk
-from softmodels.case import supply_table
+from geometries.fields import about
 from softmodels.path.syringe import Syringe
 from softmodels.pictures import draw as pictures
 from softmodels.pictures import plots, rendering, sections, stills
@@ -202,8 +203,8 @@ def test_a_syringe_has_its_pressure_over_the_stroke():
 
 
 def test_every_entry_of_a_syringe_is_explained():
-    entries = set(supply_table.to_table(Syringe())) - {"kind"}
-    assert set(supply_table.MEANINGS) == entries and len(set(supply_table.MEANINGS.values())) == len(entries)
+    texts = [field.help for field in about(Syringe()).values()]
+    assert len(texts) == len(dataclasses.fields(Syringe)) == len(set(texts)) and all(texts)
 
 
 def test_the_smooth_curve_keeps_points_and_turning_points():

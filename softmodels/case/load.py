@@ -1,0 +1,148 @@
+"""What a case asks of a device: rising pressures, added volumes, strokes of a supply, or a series for each cavity."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from geometries import Actuator
+from measurement.units import pascal_per_cm
+from softmodels.case.errors import CaseError
+from softmodels.path import schedule as programs
+from softmodels.path.air_supply import AirSupply
+from softmodels.path.schedule import Program
+
+STIFFNESS_RANGE = 30.0
+"""Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""
+VOLUME_RANGE = 1000.0
+"""Added volumes above this many cavities are taken for a mistake in a unit: a silicone tears at a tenth of that stretch."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Requested:
+    """What can be requested.
+
+    Attributes:
+        name: What the path calls it; messages too.
+        words: Several of it.
+        unit: Of its values in case files, options and tables.
+        column: Column of ``path.csv`` that holds it.
+    """
+
+    name: str
+    words: str
+    unit: str
+    column: str
+
+
+PRESSURE = Requested("pressure", "pressures", "cm", "pressure_cm")
+VOLUME = Requested("volume", "added volumes", "ml", "added_volume_ml")
+STROKE = Requested("stroke", "strokes", "ml", "stroke_ml")
+STEP = Requested("step", "steps", "", "load_step")
+
+
+@dataclasses.dataclass(frozen=True)
+class Load:
+    """The load of a case; see `Case` for its attributes."""
+
+    pressures_cm: tuple[float, ...]
+    volumes_ml: tuple[float, ...]
+    strokes_ml: tuple[float, ...]
+    program: Program
+    supply: AirSupply | None
+    cycle: bool
+    control: str
+    water_density: float
+
+    @property
+    def requested(self) -> Requested:
+        if self.program:
+            return STEP
+        return PRESSURE if self.pressures_cm else VOLUME if self.volumes_ml else STROKE
+
+    @property
+    def cm(self) -> float:
+        """Pa in one cm of the column."""
+        return pascal_per_cm(self.water_density)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Requested values in their unit; of a program the numbers of its steps."""
+        if self.program:
+            rest = programs.begins_at_rest(self.program)
+            return tuple(float(k) for k in range(1 - rest, len(self.program[0].values) + 1 - rest))
+        return self.pressures_cm or self.volumes_ml or self.strokes_ml
+
+    @property
+    def goals(self) -> tuple[float, ...]:
+        """Requested pressures in Pa, added volumes or strokes in m3; none of a program."""
+        return tuple(p * self.cm for p in self.pressures_cm) or tuple(v * 1e-6 for v in self.values)
+
+    def check(self, actuator: Actuator) -> None:
+        """Refuse what cannot be followed.
+
+        Raises:
+            CaseError: Nothing is requested, or several things at once; what goes against another.
+            SupplyError: Strokes that the supply cannot make.
+        """
+        if sum(map(bool, (self.pressures_cm, self.volumes_ml, self.strokes_ml, self.program))) != 1:
+            raise CaseError(
+                "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
+                "(--supply syringe --stroke-ml), or in a case file a series for each cavity (cavity1.pressure_cm), one of these"
+            )
+        if self.program:
+            self._check_program(actuator)
+        if self.cycle and not self.pressures_cm:
+            raise CaseError("--cycle raises and lowers a pressure; give --pressure-cm with it")
+        if self.cycle and self.control != "auto":
+            raise CaseError("--cycle chooses by itself what it follows; leave out --control")
+        self._check_supply(actuator)
+        if self.volumes_ml and self.control == "pressure":
+            raise CaseError("added volumes cannot be requested under pressure control; use --control auto or volume")
+        if not 100.0 <= self.water_density <= 20000.0:
+            raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
+
+    def _check_supply(self, actuator: Actuator) -> None:
+        if bool(self.strokes_ml) != (self.supply is not None):
+            raise CaseError("a syringe (--supply syringe) and its strokes (--stroke-ml) belong together")
+        if self.supply is not None:
+            self.supply.check_strokes(self.strokes_ml[-1] * 1e-6, actuator.cavity_volume)
+            if self.control not in ("auto", "arc-length"):
+                raise CaseError("strokes are followed under --control auto or arc-length")
+
+    def _check_program(self, actuator: Actuator) -> None:
+        count = len(actuator.ratios)
+        if len(self.program) != count:
+            raise CaseError(
+                f"[load] tells of {len(self.program)} cavities and the device has {count}; give a series for each"
+            )
+        if actuator.ratios != (1.0,) * count:
+            raise CaseError(
+                "pressure_ratios and a series for each cavity say the same thing twice; leave out the ratios"
+            )
+        if self.cycle or self.control not in ("auto", "arc-length"):
+            raise CaseError("a series for each cavity is followed under control auto or arc-length, and without cycle")
+
+    def check_size(self, shear_modulus: float, cavity: float) -> None:
+        """Refuse values that only a mistaken unit gives: the solver would take them, or fail without saying why.
+
+        Args:
+            shear_modulus: Of the material in Pa.
+            cavity: The cavity's volume in m3.
+
+        Raises:
+            CaseError: So far from what the material or the cavity bears.
+        """
+        given = {is_volume: [v for one in self.program if one.is_volume == is_volume for v in one.values]
+                 for is_volume in (False, True)}  # fmt: skip
+        highest = max([*self.pressures_cm, *given[False]], default=0.0)
+        if (most := highest * self.cm) > STIFFNESS_RANGE * shear_modulus:
+            raise CaseError(
+                f"a pressure of {highest:g} cm ({most / 1e3:.4g} kPa) against a shear modulus of {shear_modulus / 1e3:.4g} "
+                "kPa cannot be meant: check the units of both (silicones have 5 to 500 kPa)"
+            )
+        largest = max([*self.volumes_ml, *given[True]], default=0.0)
+        if largest * 1e-6 > VOLUME_RANGE * cavity:
+            raise CaseError(
+                f"an added volume of {largest:g} ml against a cavity of {cavity * 1e6:.4g} ml cannot be meant; "
+                f"at most {VOLUME_RANGE:g} times the cavity is taken"
+            )
