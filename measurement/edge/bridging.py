@@ -20,8 +20,11 @@ from measurement.edge.smoothing import SPAN, robust_loess
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-MISSING = 4.0
-"""Distance of neighbouring points, over the usual one, from which something is missing between them."""
+MISSING = 6.0
+"""Distance of neighbouring points, over the usual one, from which something is missing between them.
+
+Over fewer a smoothed span of points goes on safely: a speck that takes them has been left out with all that it touches.
+"""
 
 DROPPED_BESIDE_GAP = 2
 """Points on each side of a gap that what made it has touched as well."""

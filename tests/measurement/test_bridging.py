@@ -33,6 +33,15 @@ def test_an_edge_without_a_gap_has_no_bridge():
     assert 0.5 < np.mean((off(line) / line.error) ** 2) < 1.5
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_speck_that_takes_four_points_is_smoothed_over(seed):
+    edge = arc(4.2 * SPACING, seed)
+    line = smoothed(edge, 400.0)
+    assert len(line.px) == len(edge.px) == 395
+    assert not line.bridged.any()
+    assert np.abs(off(line)).max() < 4.0 * NOISE
+
+
 @pytest.mark.parametrize("hidden", [30.0, 100.0, 250.0])
 def test_a_gap_is_bridged_by_points_that_say_so_and_the_others_stay(hidden):
     line = smoothed(arc(hidden), 400.0)
