@@ -74,7 +74,7 @@ def test_outlines_are_trusted_and_right(benches, figure):
     for outline, _, truth, slope in benches:
         assert outline.trusted, outline.reasons
         rms = np.sqrt(np.mean(across(outline, truth, slope) ** 2))
-        figure(TRUTH, "outlines, rms", rms * 1e6, 4.5, unit="um")
+        figure(TRUTH, "outlines, rms", rms * 1e6, 4.0, unit="um")
 
 
 def test_apexes_are_right(benches, figure):
@@ -87,7 +87,7 @@ def test_stated_errors_are_true(benches, figure):
     variance = np.mean([np.mean(values**2) for values in standardised])
     figure(TRUTH, "distance of the mean squared standardised residual from 1", variance - 1.0, 0.3)
     apex = np.array([(outline.height - height) / outline.height_error for outline, height, _, _ in benches])
-    figure(TRUTH, "mean squared standardised error of the apexes", np.mean(apex**2), 2.0)
+    figure(TRUTH, "mean squared standardised error of the apexes", np.mean(apex**2), 1.8)
     figure(TRUTH, "largest standardised error of an apex", apex, 4.0)
 
 

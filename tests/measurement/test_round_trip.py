@@ -51,7 +51,7 @@ def test_heights_and_outlines_are_found_without_a_click(bench, tmp_path, figure)
     assert done.exit_code == 0, done.output
     assert len(rows) == len(HEIGHTS)
     for (name, row), height in zip(sorted(rows.items()), HEIGHTS, strict=True):
-        figure(DEMO, "heights", (float(row["height_m"]) - height) * 1e6, 4.0, unit="um")
+        figure(DEMO, "heights", (float(row["height_m"]) - height) * 1e6, 1.7, unit="um")
         outline = Outline.from_csv(tmp_path / f"{name.removesuffix('.JPG')}.csv")
         if height:
             # The outline counts x along the surface from a place of its own; the dome's summit tells where that is.
@@ -61,7 +61,7 @@ def test_heights_and_outlines_are_found_without_a_click(bench, tmp_path, figure)
                 (np.sqrt(np.mean((outline.z - dome_height(outline.x - summit - s, height, demo.RADIUS))[inside] ** 2)))
                 for s in np.linspace(-5e-4, 5e-4, 201)
             )
-            figure(DEMO, "outlines, rms", shift * 1e6, 6.0, unit="um")
+            figure(DEMO, "outlines, rms", shift * 1e6, 5.0, unit="um")
 
 
 def spoiled(kind, folder):

@@ -55,7 +55,7 @@ def measured(setup, folder, moved):
 def test_a_soft_body_is_measured_and_trusted(setup, tmp_path, figure):
     for outline, height in zip(measured(setup, tmp_path, (0.0,) * 5), HEIGHTS, strict=True):
         assert isinstance(outline, Outline) and outline.trusted, outline
-        figure("a soft body whose rim sinks", "heights", (outline.height - height) * 1e6, 10.0, unit="um")
+        figure("a soft body whose rim sinks", "heights", (outline.height - height) * 1e6, 4.0, unit="um")
         # The corners between surface and sides are rounded by smoothing, and left out.
         assert np.abs(outline.x).max() < HALF_WIDTH + 1e-3
         if not height:
