@@ -21,8 +21,9 @@ from softmodels.pictures import plots, rendering, sections, stills
 from softmodels.pictures.cutting import cut_open
 from softmodels.pictures.pages import Scale
 from softmodels.pictures.views import look
+from softmodels.results import triangles
 from softmodels.results.skin import CUT
-from softmodels.results.store import Results, ResultsError, triangles
+from softmodels.results.store import Results, ResultsError
 from softmodels.results.stored import States
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
