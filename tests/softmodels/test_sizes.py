@@ -19,28 +19,20 @@ LONG_FILES = {
     "measurement/edge/tracing.py",
     "measurement/own_folder.py",
     "measurement/synthetic/bench.py",
-    "softmodels/case/case.py",
     "softmodels/pictures/plots.py",
-    "softmodels/runs/simulation.py",
 }
 LONG_FUNCTIONS = {
+    "measurement/edge/edge.py: _erf_fit",
     "measurement/screen/calibration.py: calibrate",
     "measurement/screen/grid_look.py: look_at_grid",
     "measurement/series/photo.py: outline_of",
-    "softmodels/case/case.py: __post_init__",
-    "softmodels/cli/limit_command.py: limit",
-    "softmodels/cli/options.py: device_command",
-    "softmodels/cli/run.py: run",
 }
 MANY_PARAMETERS = {
     "measurement/camera/lens.py: lens_profile",
     "measurement/cli/photos.py: _run",
     "measurement/cli/photos.py: photos",
+    "measurement/edge/edge.py: _fit",
     "measurement/screen/grid_crossings.py: _profiles",
-    "softmodels/cli/limit_command.py: limit",
-    "softmodels/cli/options.py: command",
-    "softmodels/cli/options.py: execute",
-    "softmodels/cli/run.py: run",
     "softmodels/pictures/sections.py: section_hot",
     "softmodels/results/limits.py: scatter",
 }
