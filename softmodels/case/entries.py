@@ -185,7 +185,7 @@ class Part(Entry):
 
     def _made(self, values: Mapping[str, Any]) -> PartClass:
         required = [field.name for field in dataclasses.fields(self.part) if field.default is MISSING]  # type: ignore[arg-type]
-        if any(not values.get(name) for name in required):
+        if any(values.get(name, "") == "" for name in required):
             raise FieldError(self.part.needs)
         return self.part(**values)
 
