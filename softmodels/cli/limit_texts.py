@@ -132,7 +132,7 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: C
     _csv(folder / "scatter.csv", [{**changes, **row_of("", found, column)} for changes, found in scatter.sampled])
     what, counted = scatter.borne
     if counted:
-        from softmodels.pictures.limit_plots import scatter_figure
+        from softmodels.pictures.limit_pictures import scatter_figure
 
         pressures = [(changes, found.pressure / column.cm) for changes, found in counted]
         nominal = next(iter(limits.values())).pressure / column.cm

@@ -14,7 +14,7 @@ from measurement.plain_text import plain
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.materials.specimens import MODE_NAMES
 from softmodels.pictures.fit_pictures import BOTH, NAMES, as_png, line
-from softmodels.pictures.pages import DPI, INK, STYLE, WARNING, WIDTH
+from softmodels.pictures.style import DPI, INK, STYLE, WARNING, WIDTH
 
 if TYPE_CHECKING:
     from softmodels.materials.curves import MaterialCurves

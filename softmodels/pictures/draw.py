@@ -19,10 +19,19 @@ from measurement.folder_lock import InUseError
 from measurement.own_folder import PATIENCE, OwnFolderError
 from softmodels.case.case import Case, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
-from softmodels.pictures import film, hot_spots, plots, program_plots, report, sections, stills
-from softmodels.pictures.pages import STYLE, headline
-from softmodels.pictures.rendering import can_render
-from softmodels.pictures.views import Look, look
+from softmodels.pictures import (
+    film,
+    hot_spots,
+    outline_curves,
+    path_curves,
+    program_curves,
+    report,
+    section_pictures,
+    solid_pictures,
+)
+from softmodels.pictures.offscreen import can_render
+from softmodels.pictures.style import STYLE, headline
+from softmodels.pictures.viewpoint import Look, look
 from softmodels.results.cut_lines import axes_of, cut_line
 from softmodels.results.picture_files import picture_files, picture_folder
 from softmodels.results.store import ResultsError
@@ -102,20 +111,20 @@ def _draw(states: States, folder: Path, name: str, say: Callable[[str], Any]) ->
 def _curves(states: States, out: Folder) -> None:
     actuator = states.actuator
     if states.case.program:
-        out.save(actuator.gauge, program_plots.steps(states.rows, actuator.gauge))
+        out.save(actuator.gauge, program_curves.steps(states.rows, actuator.gauge))
     else:
-        out.save(actuator.gauge, plots.rise(states.rows, actuator.gauge, states.case.cm, states.branch))
+        out.save(actuator.gauge, path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch))
     if states.case.gauges.plane:
         out.save("profile", _cut_profile(states))
         return
     if not actuator.on_profile(states.points).any():
         return
-    rest = plots.profile(states.points, np.zeros_like(states.points), actuator)
+    rest = outline_curves.profile(states.points, np.zeros_like(states.points), actuator)
     lines = {
-        step: plots.profile(states.points, states.field(step, "displacement"), actuator)
-        for step in plots.profile_steps(states.rows, actuator.gauge)
+        step: outline_curves.profile(states.points, states.field(step, "displacement"), actuator)
+        for step in outline_curves.profile_steps(states.rows, actuator.gauge)
     }
-    out.save("profile", plots.profiles(lines, rest, states.rows, actuator.axial, _plate(states)))
+    out.save("profile", outline_curves.profiles(lines, rest, states.rows, actuator.axial, _plate(states)))
 
 
 def _cut_profile(states: States) -> Any:
@@ -127,10 +136,10 @@ def _cut_profile(states: States) -> Any:
     def line(displacement: Any) -> Any:
         return cut_line(states.skin, states.points, displacement, normal, at, actuator.size)
 
-    steps = plots.profile_steps(states.rows, actuator.gauge)
+    steps = outline_curves.profile_steps(states.rows, actuator.gauge)
     lines = {step: line(states.field(step, "displacement")) for step in steps}
     rest = line(np.zeros_like(states.points))
-    return plots.cut_profiles(lines, rest, states.rows, axes_of(normal, actuator.lift), gauges.plane)
+    return outline_curves.cut_profiles(lines, rest, states.rows, axes_of(normal, actuator.lift), gauges.plane)
 
 
 def _plate(states: States) -> float | None:
@@ -146,34 +155,34 @@ def _sections(states: States, out: Folder) -> None:
     """What an axisymmetric section shows best flat."""
     step, gauge = states.main, states.actuator.gauge
     points, moved, cells = states.points, states.moved(step), states.cells
-    out.save("mesh", sections.section_mesh(points, cells))
+    out.save("mesh", section_pictures.section_mesh(points, cells))
     values = states.field(step, "von_mises_stress")
     plate = _plate(states)
-    out.save("slice", sections.section_stress(points, moved, cells, values, states.rows[step], gauge, plate))
+    out.save("slice", section_pictures.section_stress(points, moved, cells, values, states.rows[step], gauge, plate))
     if (at := states.bifurcation) is not None:
         out.save(
             "mode",
-            sections.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], gauge),
+            section_pictures.section_mode(
+                points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], gauge
+            ),
         )
-    stretch, limit, row = states.field(step, "largest_stretch"), hot_spots.hot_limit(states, step), states.rows[step]
-    texts = (f"{hot_spots.hot_title(limit)}", hot_spots.peak_text(states, step))
-    peak = hot_spots.peak_place(states, step)
-    out.save("hot-spots", sections.section_hot(moved, cells, stretch, limit, peak, *texts, row))
+    stretch, hot = states.field(step, "largest_stretch"), hot_spots.hot_spots_of(states, step)
+    out.save("hot-spots", section_pictures.section_hot(moved, cells, stretch, hot, states.rows[step]))
 
 
 def _solids(shown: Look, out: Folder) -> None:
     """Rendered pictures of the solid."""
     states = shown.states
     rows, gauge = states.rows, states.actuator.gauge
-    out.save("undeformed", stills.undeformed(shown))
+    out.save("undeformed", solid_pictures.undeformed(shown))
     if states.actuator.dimension == 3:
-        out.save("mesh", stills.mesh(shown))
+        out.save("mesh", solid_pictures.mesh(shown))
         if len(states.skin.planes):
-            out.save("slice", stills.slice_stress(shown))
-        out.save("hot-spots", stills.hot_spots(shown))
+            out.save("slice", solid_pictures.slice_stress(shown))
+        out.save("hot-spots", solid_pictures.hot_spots(shown))
         if states.bifurcation is not None:
-            out.save("mode", stills.mode(shown, states.bifurcation))
-    images, camera, scale = stills.stress(shown)
+            out.save("mode", solid_pictures.mode(shown, states.bifurcation))
+    images, camera, scale = solid_pictures.stress(shown)
     texts = {
         "Camera": camera.text,
         "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}",
@@ -181,9 +190,9 @@ def _solids(shown: Look, out: Folder) -> None:
     }
     for k, (step, image) in enumerate(images, 1):
         title = headline(rows[step], gauge)
-        out.save(f"stress-{k}", stills.page(image, title, scale), {**texts, "Title": title})
-    out.save("stress", stills.sheet(images, rows, scale), texts)
-    out.save("cut", stills.cut(shown))
+        out.save(f"stress-{k}", solid_pictures.page(image, title, scale), {**texts, "Title": title})
+    out.save("stress", solid_pictures.sheet(images, rows, scale), texts)
+    out.save("cut", solid_pictures.cut(shown))
 
 
 def _film(shown: Look, out: Folder, say: Callable[[str], Any]) -> None:

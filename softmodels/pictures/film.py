@@ -15,9 +15,10 @@ import numpy as np
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
-from softmodels.pictures.pages import Scale, load, number
-from softmodels.pictures.rendering import Image, studio
-from softmodels.pictures.views import Look
+from softmodels.pictures.colour_scale import Scale
+from softmodels.pictures.offscreen import Image, studio
+from softmodels.pictures.style import load, number
+from softmodels.pictures.viewpoint import Look
 from softmodels.results.columns import cavity_columns
 from softmodels.results.row import Row
 from softmodels.results.stored import States

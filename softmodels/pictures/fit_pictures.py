@@ -23,7 +23,7 @@ from softmodels.fitting.tables import (
 from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import respond
 from softmodels.pictures.outline_pictures import draw_outlines, draw_photographs
-from softmodels.pictures.pages import DPI, FAINT, INK, STYLE, WARNING, WIDTH
+from softmodels.pictures.style import DPI, FAINT, INK, STYLE, WARNING, WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

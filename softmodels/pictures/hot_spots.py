@@ -5,18 +5,40 @@ The stretch is the nodal field, continuous over the cells; cells as a whole woul
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 
-from softmodels.pictures.pages import Scale, load, number
-from softmodels.pictures.rendering import surface
+from softmodels.pictures.colour_scale import Scale
+from softmodels.pictures.offscreen import surface
+from softmodels.pictures.style import load, number
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array
 
 HOT = 1.0
 """Share of the surface, outside and walls of cavities, in percent, that is shown as hot."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class HotSpots:
+    """What of a state is stretched most.
+
+    Attributes:
+        limit: The largest stretch that `HOT` percent of the surface exceeds.
+        peak: Where the largest stretch is in the deformed slice, m, shape (3,); None if that is not known.
+        note: Its value and place in words.
+    """
+
+    limit: float
+    peak: Array | None
+    note: str
+
+
+def hot_spots_of(states: States, step: int) -> HotSpots:
+    """What of a state is stretched most."""
+    return HotSpots(hot_limit(states, step), peak_place(states, step), peak_text(states, step))
 
 
 def hot_limit(states: States, step: int) -> float:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from softmodels.fitting.outlines.outline_residuals import MatchedPhotograph
 from softmodels.fitting.outlines.simulated import half_outline
-from softmodels.pictures.pages import DPI, FAINT, INK, WIDTH
+from softmodels.pictures.style import DPI, FAINT, INK, WIDTH
 
 SHOWN = 400
 """Measured points drawn per photograph."""

@@ -17,11 +17,11 @@ from matplotlib.figure import Figure
 from PIL import Image as Picture
 
 from measurement.page import data_uri, image_uri, render
-from softmodels.pictures import plots, program_plots
-from softmodels.pictures.pages import STYLE, load
+from softmodels.pictures import path_curves, program_curves
 from softmodels.pictures.report_case import case_tables
-from softmodels.pictures.viewer import view
-from softmodels.pictures.views import Look
+from softmodels.pictures.style import STYLE, load
+from softmodels.pictures.viewpoint import Look
+from softmodels.pictures.web_view import view
 from softmodels.results.columns import cavity_columns, term
 from softmodels.results.notes import left_out, notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM
@@ -110,8 +110,8 @@ def _curves(states: States) -> list[Markup]:
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         rows, gauge = states.rows, states.actuator.gauge
         if states.case.program:
-            return [_svg(program_plots.steps(rows, gauge))]
-        return [_svg(figure) for figure in plots.curves(rows, gauge, states.branch)]
+            return [_svg(program_curves.steps(rows, gauge))]
+        return [_svg(figure) for figure in path_curves.curves(rows, gauge, states.branch)]
 
 
 def _svg(figure: Figure) -> Markup:
@@ -176,7 +176,7 @@ def _notes(states: States) -> list[str]:
     notes += [
         f"limit point of the pressure at {limit['pressure_cm']:.5g} cm ({limit['pressure_Pa'] / 1e3:.4g} kPa): under "
         "pressure alone the device jumps there"
-        for limit in plots.limits(states.rows)
+        for limit in path_curves.limits(states.rows)
     ]
     notes.append(
         f"{len(states.cells)} cells of second order, {len(states.points)} nodes"

@@ -198,15 +198,15 @@ class Run:
         """The rise of the device's gauge over the pressure, or over the steps of a program, as a matplotlib figure."""
         import matplotlib
 
-        from softmodels.pictures import plots, program_plots
-        from softmodels.pictures.pages import STYLE
+        from softmodels.pictures import path_curves, program_curves
+        from softmodels.pictures.style import STYLE
 
         gauge = self.case.actuator.gauge
         with matplotlib.rc_context(STYLE):
             figure = (
-                program_plots.steps(self.rows, gauge)
+                program_curves.steps(self.rows, gauge)
                 if self.case.program
-                else plots.rise(self.rows, gauge, self.case.cm)
+                else path_curves.rise(self.rows, gauge, self.case.cm)
             )
 
         def png() -> bytes:

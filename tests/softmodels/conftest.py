@@ -18,7 +18,7 @@ from geometries import HollowDisk, SeminarActuator
 from geometries.meshing import private_model
 from softmodels.case.case import Case
 from softmodels.case.material_table import DEFAULT
-from softmodels.pictures.rendering import can_render
+from softmodels.pictures.offscreen import can_render
 from softmodels.results.row import Row
 from softmodels.results.store import Results
 

@@ -25,7 +25,7 @@ from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_hei
 from softmodels.fitting.outlines.measured_device import MeasuredDevice
 from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import NeoHookean
-from softmodels.pictures.rendering import can_render
+from softmodels.pictures.offscreen import can_render
 
 
 @register

@@ -11,10 +11,11 @@ import pytest
 from PIL import Image
 
 from geometries import SeminarActuator
-from softmodels.pictures import film, hot_spots, stills
-from softmodels.pictures.cutting import cut_open
-from softmodels.pictures.pages import Scale, load, page
-from softmodels.pictures.views import look
+from softmodels.pictures import film, hot_spots, solid_pictures
+from softmodels.pictures.colour_scale import Scale, page
+from softmodels.pictures.cut_open import cut_open
+from softmodels.pictures.style import load
+from softmodels.pictures.viewpoint import look
 from softmodels.results.skin import CUT
 from softmodels.results.stored import States
 
@@ -109,7 +110,7 @@ def test_titles_of_three_cavities_stay_within_their_pictures():
     note = hot_spots.peak_text(states, 0)
     image = np.zeros((400, 533, 3), dtype=np.uint8)
     scale = SimpleNamespace(bar=lambda figure: None)
-    sheet = stills.sheet([(step, image) for step in range(3)], states.rows, scale)
+    sheet = solid_pictures.sheet([(step, image) for step in range(3)], states.rows, scale)
     for figure, columns in (
         (page(image, f"{load(row)} at the bifurcation, the mode; {note}", None, note), 1),
         (sheet, 3),

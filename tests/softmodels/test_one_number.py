@@ -9,8 +9,8 @@ from geometries import HollowDisk
 from geometries import table as geometry_table
 from measurement.units import exact_text, quantity, readable
 from softmodels.cli import closing
-from softmodels.pictures import hot_spots, plots, report, sections
-from softmodels.pictures.views import look
+from softmodels.pictures import hot_spots, outline_curves, report, section_pictures
+from softmodels.pictures.viewpoint import look
 from softmodels.results.stability_report import events, jumps_text, unlocated
 from softmodels.results.stored import States
 
@@ -61,7 +61,9 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated, runs):
     scale = look(states).scale(states.shown())
     assert (f"{scale.largest:.4g}", scale.defined) == (stress, "at an integration point")
     moved, values = states.moved(states.main), states.field(states.main, "von_mises_stress")
-    figure = sections.section_stress(states.points, moved, states.cells, values, states.rows[states.main], "apex")
+    figure = section_pictures.section_stress(
+        states.points, moved, states.cells, values, states.rows[states.main], "apex"
+    )
     assert f"largest, at an integration point: {stress} kPa" in texts(figure)
     assert f"largest stretch {stretch} at 177 cm" in hot_spots.peak_text(states, states.main)
 
@@ -94,7 +96,7 @@ def test_a_syringes_jump_starts_where_its_gas_still_held():
 
 def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled, runs):
     rows = runs.rows(cycled[0])
-    places = plots.branches(rows)
+    places = outline_curves.branches(rows)
     landed = [k for k, row in enumerate(rows) if row["jump"]]
     asked = [(row["pressure_cm"], place) for row, place in zip(rows, places, strict=True) if row["requested"]]
     jumped = "after the jump"
@@ -110,7 +112,7 @@ def test_a_path_by_volume_is_past_the_limit_until_it_is_stable_again():
         for k, p in enumerate((0, 5, 6, 5, 4, 3, 4))
     ]
     words = ["", "", "limit point", "past the limit", "past the limit", "limit point", "stable again"]
-    assert plots.branches(rows) == words
+    assert outline_curves.branches(rows) == words
 
 
 def test_forces_are_in_the_closing_line():

@@ -18,9 +18,9 @@ from geometries.fields import about
 from softmodels.path.syringe import Syringe
 from softmodels.pictures import draw as pictures
 from softmodels.pictures import plots, rendering, sections, stills
-from softmodels.pictures.cutting import cut_open
-from softmodels.pictures.pages import Scale
-from softmodels.pictures.views import look
+from softmodels.pictures.colour_scale import Scale
+from softmodels.pictures.cut_open import cut_open
+from softmodels.pictures.viewpoint import look
 from softmodels.results import triangles
 from softmodels.results.skin import CUT
 from softmodels.results.store import Results, ResultsError

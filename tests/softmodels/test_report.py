@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from softmodels.pictures.film import LARGEST
-from softmodels.pictures.viewer import packed
-from softmodels.pictures.views import look
+from softmodels.pictures.viewpoint import look
+from softmodels.pictures.web_view import packed
 from softmodels.results.stored import States
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
@@ -148,9 +148,9 @@ def test_the_view_holds_the_steps(report):
 
 
 def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):
-    monkeypatch.setattr("softmodels.pictures.viewer.VALUES", 1)
+    monkeypatch.setattr("softmodels.pictures.web_view.VALUES", 1)
     states = States(wedge, "disk")
-    from softmodels.pictures.viewer import view
+    from softmodels.pictures.web_view import view
 
     shown = view(look(states))
     kept = [step["step"] for step in json.loads(shown["meta"])["steps"]]

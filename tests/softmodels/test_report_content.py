@@ -13,7 +13,7 @@ from PIL import Image
 from geometries import HollowDisk, SeminarActuator
 from measurement.page import render
 from softmodels.pictures import report
-from softmodels.pictures.views import look
+from softmodels.pictures.viewpoint import look
 from softmodels.results.columns import term
 from softmodels.results.stored import States
 

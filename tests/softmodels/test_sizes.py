@@ -19,7 +19,6 @@ LONG_FILES = {
     "measurement/edge/tracing.py",
     "measurement/own_folder.py",
     "measurement/synthetic/bench.py",
-    "softmodels/pictures/plots.py",
 }
 LONG_FUNCTIONS = {
     "measurement/edge/edge.py: _erf_fit",
@@ -33,7 +32,6 @@ MANY_PARAMETERS = {
     "measurement/cli/photos.py: photos",
     "measurement/edge/edge.py: _fit",
     "measurement/screen/grid_crossings.py: _profiles",
-    "softmodels/pictures/sections.py: section_hot",
     "softmodels/results/limits.py: scatter",
 }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels.pictures.cutting import best_plane
+from softmodels.pictures.cut_open import best_plane
 from softmodels.results.skin import CUT, OUTSIDE, skin_of
 
 SHARP_DISK = {"cell_size": 0.004, "refinement": 1.0}

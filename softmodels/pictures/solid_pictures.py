@@ -9,25 +9,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geometries import Actuator
-from softmodels.pictures.cutting import best_plane, cut_open
+from softmodels.pictures.colour_scale import FOOT, Scale, page
+from softmodels.pictures.cut_open import best_plane, cut_open
 from softmodels.pictures.hot_spots import hot_layers, hot_limit, hot_title, peak_place, peak_text
-from softmodels.pictures.pages import (
-    DPI,
-    EDGE,
-    FAINT,
-    FOOT,
-    INK,
-    SOLID,
-    WIDTH,
-    Scale,
-    headline,
-    load,
-    number,
-    page,
-    wrapped,
-)
-from softmodels.pictures.rendering import Camera, Image, lines, ring, studio, surface
-from softmodels.pictures.views import Look, towards_slice
+from softmodels.pictures.offscreen import Camera, Image, lines, ring, studio, surface
+from softmodels.pictures.style import DPI, EDGE, FAINT, INK, SOLID, WIDTH, headline, load, number, wrapped
+from softmodels.pictures.viewpoint import Look, towards_slice
 from softmodels.results.row import Row
 from softmodels.results.triangles import edge_curves, outer_faces
 

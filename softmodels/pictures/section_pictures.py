@@ -10,21 +10,9 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from softmodels.pictures.pages import (
-    COLOURS,
-    CURVE,
-    DPI,
-    EDGE,
-    FAINT,
-    FOOT,
-    INK,
-    SOLID,
-    WARNING,
-    WIDTH,
-    Array,
-    Scale,
-    headline,
-)
+from softmodels.pictures.colour_scale import COLOURS, FOOT, Scale
+from softmodels.pictures.hot_spots import HotSpots, hot_title
+from softmodels.pictures.style import CURVE, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, headline
 from softmodels.results.row import Row
 from softmodels.results.triangles import Cells, edge_curves, fine_triangles, outline
 
@@ -71,19 +59,14 @@ def section_stress(
     return figure
 
 
-def section_hot(
-    points: Array, cells: Cells, values: Array, limit: float, peak: Array | None, title: str, note: str, row: Row
-) -> Figure:
+def section_hot(points: Array, cells: Cells, values: Array, hot: HotSpots, row: Row) -> Figure:
     """The deformed half section coloured by stretch, with the isoline around what is stretched most.
 
     Args:
         points: Deformed, in m, shape (n, 3) with y = 0.
         cells: Shape (c, 6).
         values: Largest principal stretch, shape (n,).
-        limit: Stretch of the isoline.
-        peak: Where the largest stretch is, in m, shape (3,).
-        title: Of the picture.
-        note: Below the title: the peak.
+        hot: What is stretched most.
         row: The state's row of ``path.csv``.
     """
     flat, scale = points[:, ::2] * 1e3, Scale(values, "largest_stretch", rows=[row])
@@ -92,13 +75,15 @@ def section_hot(
     mesh = Triangulation(fine[:, 0], fine[:, 1], triangles)
     axes.tripcolor(mesh, fine[:, 2], shading="gouraud", cmap=COLOURS, norm=scale.norm)
     axes.add_collection(LineCollection(list(outline(flat, cells)), colors=INK, linewidths=0.7))
-    if fine[:, 2].min() < limit < fine[:, 2].max():
-        axes.tricontour(mesh, fine[:, 2], levels=[limit], colors="black", linewidths=1.6)
-    if peak is not None:
+    if fine[:, 2].min() < hot.limit < fine[:, 2].max():
+        axes.tricontour(mesh, fine[:, 2], levels=[hot.limit], colors="black", linewidths=1.6)
+    if hot.peak is not None:
         for colour, wide in (("white", 5.0), ("black", 2.0)):
-            axes.plot(1e3 * peak[0], 1e3 * peak[2], "o", mfc="none", color=colour, markersize=16, markeredgewidth=wide)
-    axes.set_title(title)
-    figure.text(0.5, 1.2 / figure.get_figheight(), note, ha="center", color=WARNING, fontsize=11)
+            axes.plot(
+                1e3 * hot.peak[0], 1e3 * hot.peak[2], "o", mfc="none", color=colour, markersize=16, markeredgewidth=wide
+            )
+    axes.set_title(hot_title(hot.limit))
+    figure.text(0.5, 1.2 / figure.get_figheight(), hot.note, ha="center", color=WARNING, fontsize=11)
     scale.bar(figure)
     return figure
 

@@ -8,8 +8,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from softmodels.pictures.pages import CURVE, DPI, LINES, WARNING, WIDTH
-from softmodels.pictures.plots import limits
+from softmodels.pictures.path_curves import limits
+from softmodels.pictures.style import CURVE, DPI, LINES, WARNING, WIDTH
 from softmodels.results.columns import cavity_columns
 from softmodels.results.row import Row
 

@@ -1,14 +1,9 @@
-"""The page around a picture: its size and style, its title in words and units, the colours of a field and their bar.
-
-Figures are made without pyplot, so that nothing global is touched and no display is asked for.
-"""
+"""The colours of a field and their bar, and a rendered image above them."""
 
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Sequence
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -17,56 +12,15 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 
-from softmodels.results.columns import cavity_columns
+from softmodels.pictures.style import DPI, EDGE, WARNING, WIDTH, Array, wrapped
 from softmodels.results.output_fields import coloured
 from softmodels.results.row import Row
 
-Array = npt.NDArray[np.float64]
-
-DPI = 160
-WIDTH = 10.0
-"""Width of every page in inches: 1600 pixels."""
-
-CHARACTER = 0.62
-"""Width of a character, in sizes of the font: a little more than the mean of the fonts' letters and digits."""
-
 COLOURS = "Spectral_r"
-LINES = "viridis"
-SOLID = "#d9e2ec"
-STYLE: Any = {
-    "font.size": 12,
-    "axes.titlesize": 13,
-    "legend.fontsize": 11,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "lines.linewidth": 2.0,
-}
-INK, EDGE, FAINT = "#102a43", "#334e68", "#829ab1"
-CURVE, WARNING, BRANCH = "#2f6f9f", "#c0392b", "#b7791f"
-
-
-def number(value: float) -> str:
-    """A value for a label: at most one decimal, none if it is round."""
-    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
-
-
-def load(row: Row) -> str:
-    """What a state is under, in words and units: its pressure, or where it is in a program and every cavity's pressure."""
-    if "load_step" not in row:
-        return f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
-    step = f"step {row['load_step']:.3g}"
-    each = cavity_columns(row, "pressure", "cm")
-    return f"{step}: {' and '.join(number(row[name]) for name in each)} cm of water"
-
-
-def headline(row: Row, gauge: str) -> str:
-    """What a state is, in words and units."""
-    return f"{load(row)}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
-
-
-def wrapped(text: str, width: float, size: float) -> str:
-    """A text of a size in points as lines that fit a width in inches."""
-    return textwrap.fill(text, max(int(width * 72 / (CHARACTER * size)), 12), break_long_words=False)
+FOOT = 1.15
+"""Inches below a picture for the bar of its colours and what is said of it."""
+CLIPPED = 99.5
+"""Percentile of the nodal values at which the colours end."""
 
 
 def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:
@@ -156,9 +110,3 @@ class Scale:
         if self.power != 1.0:
             bar.set_ticks(self.ticks())
         figure.text(0.5, 0.14 / whole, note, ha="center", fontsize=10.5, color=EDGE)
-
-
-FOOT = 1.15
-"""Inches below a picture for the bar of its colours and what is said of it."""
-CLIPPED = 99.5
-"""Percentile of the nodal values at which the colours end."""

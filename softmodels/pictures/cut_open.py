@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from softmodels.pictures.pages import INK, Scale
-from softmodels.pictures.rendering import surface
+from softmodels.pictures.colour_scale import Scale
+from softmodels.pictures.offscreen import surface
+from softmodels.pictures.style import INK
 from softmodels.results.skin import CUT, OUTSIDE, SHARP, Skin
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array, Cells

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.pictures.pages import DPI, WIDTH
+from softmodels.pictures.style import DPI, WIDTH
 from softmodels.results.triangles import Array, Cells
 
 PIXELS = round(WIDTH * DPI)

@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from softmodels.pictures.pages import COLOURS, Scale, headline
-from softmodels.pictures.views import Look
+from softmodels.pictures.colour_scale import COLOURS, Scale
+from softmodels.pictures.style import headline
+from softmodels.pictures.viewpoint import Look
 from softmodels.results.output_fields import coloured
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States

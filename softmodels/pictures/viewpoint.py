@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.pictures.pages import EDGE, INK, WARNING, Scale
-from softmodels.pictures.rendering import PIXELS, Camera, lines, surface
+from softmodels.pictures.colour_scale import Scale
+from softmodels.pictures.offscreen import PIXELS, Camera, lines, surface
+from softmodels.pictures.style import EDGE, INK, WARNING
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array

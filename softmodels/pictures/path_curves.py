@@ -1,0 +1,139 @@
+"""Curves over the path: rise, added volume and forces. They need no rendering."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from softmodels.pictures.style import BRANCH, CURVE, DPI, WARNING, WIDTH, Array
+from softmodels.results.columns import term
+from softmodels.results.row import Row
+from softmodels.results.stability_report import jumped_over
+
+FORCES = ("contact_force_N", "blocked_force_N")
+"""Columns that get a curve of their own where a device presses on something."""
+
+
+def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence[Row] = ()) -> Figure:
+    """Rise of the device's gauge, such as the disk's apex, over the pressure.
+
+    Args:
+        rows: All rows of ``path.csv``.
+        gauge: The device's `Actuator.gauge`.
+        pascal_per_cm: Pa in one cm of the column.
+        branch: Rows of the branch that was followed, if one was.
+    """
+    figure = Figure((WIDTH, 6.4), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    column = f"{gauge}_mm"
+    _path(axes, rows, column, branch)
+    for name, colour, marker, events in _events(rows):
+        for row in events:
+            pressure = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
+            label = f"{name}: {pressure}, {row[column]:.4g} mm"
+            axes.plot(row["pressure_cm"], row[column], marker, color=colour, markersize=9, label=label)
+    axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
+    axes.margins(0.04)
+    k = pascal_per_cm / 1e3
+    convert: Any = (lambda column: column * k, lambda pressure: pressure / k)
+    axes.secondary_xaxis("top", functions=convert).set_xlabel("pressure in kPa", labelpad=8)
+    axes.legend(loc="best")
+    return figure
+
+
+def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = ()) -> list[Figure]:
+    """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
+
+    Of a syringe also the pressure over its stroke, first. Arguments as of `rise`. One figure each, so that a narrow page
+    puts them below each other.
+    """
+    pressure = ("pressure_cm", "pressure in cm of water")
+    wanted = [
+        (pressure, (f"{gauge}_mm", f"rise of the {gauge} in mm")),
+        (pressure, ("added_volume_ml", "added volume in ml")),
+    ]
+    wanted += [(pressure, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
+    if "stroke_ml" in rows[0]:
+        wanted.insert(0, (("stroke_ml", "stroke of the syringe in ml"), pressure))
+    figures = []
+    for (over, below), (column, label) in wanted:
+        figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")
+        axes = figure.subplots()
+        _path(axes, rows, column, branch, over)
+        for name, colour, marker, events in _events(rows):
+            places = [[row[key] for row in events] for key in (over, column)]
+            axes.plot(*places, marker, color=colour, markersize=8, label=name)
+        axes.set(xlabel=below, ylabel=label)
+        axes.legend(loc="best")
+        figures.append(figure)
+    return figures
+
+
+def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
+    """What happens on a path: its name, colour and marker, and the rows where it does; only what there is."""
+    kinds = (
+        ("limit point", WARNING, "D", limits(rows)),
+        ("bifurcation", BRANCH, "s", [row for row in rows if row.get("bifurcation")]),
+    )
+    return [kind for kind in kinds if kind[3]]
+
+
+def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row], over: str = "pressure_cm") -> None:
+    """Curve, steps, requested values and jumps of a path over the column ``over``, and the branch that leaves it."""
+    places = np.array([[row[over], row[column]] for row in rows])
+    jumps = [k for k, row in enumerate(rows) if row.get("jump")]
+    held = np.ones(len(rows), dtype=bool)
+    held[jumped_over(rows)] = False
+    # Of a syringe's jump the states that are jumped over are on the path too.
+    parts = np.split(places, [k for k in jumps if held[k - 1]])
+    for k, part in enumerate(parts):
+        axes.plot(*smooth(part).T, color=CURVE, label="" if k else "simulated path")
+    axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
+    if not held.all():
+        axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps the syringe jumps over")
+    asked = places[[bool(row["requested"]) for row in rows]]
+    if len(asked):
+        axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
+    for k in jumps:
+        start, end = places[:k][held[:k]][-1], places[k]
+        axes.plot(*np.array([start, end]).T, ":", color=WARNING, label="" if k > jumps[0] else "jump")
+        way = {"arrowstyle": "-|>", "color": WARNING, "mutation_scale": 16}
+        axes.annotate("", 0.45 * start + 0.55 * end, 0.55 * start + 0.45 * end, arrowprops=way)
+    if branch and over in branch[0]:
+        leaving = next(row for row in rows if row.get("bifurcation"))
+        aside = np.array([[row[over], row[column]] for row in (leaving, *branch)])
+        axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
+
+
+def limits(rows: Sequence[Row]) -> list[Row]:
+    """The rows that are limit points of the pressure."""
+    return [row for row in rows if row["limit"]]
+
+
+def smooth(path: Array, count: int = 400) -> Array:
+    """A curve through points of a plane that keeps their turning points, shape (n, 2) to (count, 2).
+
+    Cubic pieces, monotone between neighbours in both directions (Fritsch and Butland), so that the curve neither
+    overshoots nor shows a limit that is not there.
+    """
+    scale = np.ptp(path, axis=0)
+    lengths = np.linalg.norm(np.diff(path, axis=0) / np.where(scale > 0, scale, 1.0), axis=1)
+    if np.count_nonzero(lengths) < 2:
+        return path
+    path = path[np.concatenate([[True], lengths > 0])]
+    h = lengths[lengths > 0][:, None]
+    secants = np.diff(path, axis=0) / h
+    before, after = secants[:-1], secants[1:]
+    apart = (before * after <= 0) | (before == 0)
+    near, far = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+    inner = np.where(apart, 0.0, (near + far) * before * after / np.where(apart, 1.0, near * after + far * before))
+    slopes = np.concatenate([secants[:1], inner, secants[-1:]])
+    along = np.concatenate([[0.0], np.cumsum(h)])
+    places = np.linspace(0.0, along[-1], count)
+    k = np.clip(np.searchsorted(along, places) - 1, 0, len(h) - 1)
+    t = ((places - along[k]) / h[k, 0])[:, None]
+    ends = path[k] * (1 + 2 * t) * (1 - t) ** 2 + path[k + 1] * t**2 * (3 - 2 * t)
+    return ends + h[k] * (slopes[k] * t * (1 - t) ** 2 + slopes[k + 1] * t**2 * (t - 1))
