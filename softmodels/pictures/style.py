@@ -1,4 +1,4 @@
-"""The page around a picture: its size and style, its title in words and units, the colours of a field and their bar.
+"""What all pictures have in common: size, style and colours of lines, and a state's title in words and units.
 
 Figures are made without pyplot, so that nothing global is touched and no display is asked for.
 """

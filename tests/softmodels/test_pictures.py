@@ -17,7 +17,7 @@ from geometries import HollowDisk
 from geometries.fields import about
 from softmodels.path.syringe import Syringe
 from softmodels.pictures import draw as pictures
-from softmodels.pictures import plots, rendering, sections, stills
+from softmodels.pictures import offscreen, outline_curves, path_curves, section_pictures, solid_pictures
 from softmodels.pictures.colour_scale import Scale
 from softmodels.pictures.cut_open import cut_open
 from softmodels.pictures.viewpoint import look
@@ -85,9 +85,9 @@ def test_the_flat_sections_need_no_rendering(half_section, tmp_path, monkeypatch
 
 
 def test_a_crash_of_the_renderer_is_no_crash_of_the_program(monkeypatch):
-    monkeypatch.setattr(rendering, "PROBE", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    monkeypatch.setattr(offscreen, "PROBE", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     monkeypatch.delenv("VTK_DEFAULT_OPENGL_WINDOW", raising=False)
-    assert rendering.can_render.__wrapped__() is False
+    assert offscreen.can_render.__wrapped__() is False
     assert "VTK_DEFAULT_OPENGL_WINDOW" not in os.environ
 
 
@@ -116,8 +116,8 @@ def test_results_without_a_step_are_refused(tmp_path):
 def test_the_profile_follows_the_displacement(kind, request):
     states, disk = loaded(request.getfixturevalue(kind))
     u = states.field(STEPS - 1, "displacement")
-    radius = plots.profile(states.points, np.zeros_like(u), disk)[:, 0]
-    line = plots.profile(states.points, u, disk)
+    radius = outline_curves.profile(states.points, np.zeros_like(u), disk)[:, 0]
+    line = outline_curves.profile(states.points, u, disk)
     assert radius[0] == 0.0 and radius[-1] == pytest.approx(disk.outer_radius) and (np.diff(radius) > 0).all()
     assert line[:, 0] == pytest.approx((1 + SPREAD) * radius)
     assert line[:, 1] == pytest.approx(disk.height + RISE * (1 - (radius / disk.outer_radius) ** 2))
@@ -126,7 +126,7 @@ def test_the_profile_follows_the_displacement(kind, request):
 def test_the_profile_of_a_turned_slice_is_the_same(drawings, tmp_path):
     disk = HollowDisk(cell_size=0.006, refinement=1.0, azimuth=100.0)
     points, _, _ = drawings.grid_of(disk, tmp_path)
-    line = plots.profile(points, drawings.displacement(disk, points, 1.0), disk)
+    line = outline_curves.profile(points, drawings.displacement(disk, points, 1.0), disk)
     assert line[-1] == pytest.approx(((1 + SPREAD) * disk.outer_radius, disk.height))
 
 
@@ -153,22 +153,24 @@ def rows(pressures: list[float], requested: set[float], limit: float | None = No
 
 def test_which_steps_the_profile_shows():
     pressures = [float(p) for p in range(0, 170, 10)]
-    many = plots.profile_steps(rows(pressures, {0.0, 30.0, 60.0, 90.0}), "apex")
+    many = outline_curves.profile_steps(rows(pressures, {0.0, 30.0, 60.0, 90.0}), "apex")
     assert many == [3, 6, 9, 16]  # the requested ones under load, and the last
-    few = plots.profile_steps(rows(pressures, {0.0, 160.0}), "apex")
+    few = outline_curves.profile_steps(rows(pressures, {0.0, 160.0}), "apex")
     assert few == [2, 4, 6, 8, 10, 12, 14, 16]
-    assert plots.profile_steps(rows([0.0], {0.0}), "apex") == []
+    assert outline_curves.profile_steps(rows([0.0], {0.0}), "apex") == []
 
 
 def test_limit_points_are_marked_with_their_value():
     path = rows([0.0, 20.0, 34.75, 30.0], {20.0}, limit=34.75)
-    (axes,) = plots.rise(path, "apex", 95.0).axes
+    (axes,) = path_curves.rise(path, "apex", 95.0).axes
     (marked,) = [line for line in axes.lines if str(line.get_label()).startswith("limit point")]
     assert marked.get_label() == "limit point: 34.75 cm (3.301 kPa), 1 mm"
     assert (marked.get_xdata(), marked.get_ydata()) == ([34.75], [1.0])
     (asked,) = [line for line in axes.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[20.0, 0.5]]
-    assert not [line for line in plots.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())]
+    assert not [
+        line for line in path_curves.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())
+    ]
 
 
 def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
@@ -176,7 +178,7 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
     table = ((0, 0, 0, 0, 1), (20, 5, 0, 1, 1), (20, 30, 1, 0, 1), (15, 28, 0, 0, 0), (18, 32, 0, 0, 1))
     path = [dict(zip(keys, row, strict=True), pressure_Pa=95 * row[0], requested=0, limit=0) for row in table]
     branch = [{**path[0], "pressure_cm": 19, "apex_mm": 7}, {**path[0], "pressure_cm": 18, "apex_mm": 9}]
-    (axes,) = plots.rise(path, "apex", 95.0, branch).axes
+    (axes,) = path_curves.rise(path, "apex", 95.0, branch).axes
     shown = {line.get_label(): np.array(line.get_xydata()) for line in axes.lines}
     assert shown["jump"] == pytest.approx(np.array([[20, 5], [20, 30]]))
     assert shown["steps the syringe jumps over"] == pytest.approx(np.array([[15, 28]]))
@@ -194,13 +196,13 @@ def test_a_syringe_has_its_pressure_over_the_stroke():
         dict(zip(keys, row, strict=True), limit=0)
         for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
     ]
-    first, *others = (figure.axes[0] for figure in plots.curves(path, "apex"))
+    first, *others = (figure.axes[0] for figure in path_curves.curves(path, "apex"))
     assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the syringe in ml", "pressure in cm of water")
     (asked,) = [line for line in first.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[0, 0], [20, 47]]
     assert [axes.get_xlabel() for axes in others] == ["pressure in cm of water"] * 2
     direct = [{key: value for key, value in row.items() if key != "stroke_ml"} for row in path]
-    assert len(plots.curves(direct, "apex")) == 2
+    assert len(path_curves.curves(direct, "apex")) == 2
 
 
 def test_every_entry_of_a_syringe_is_explained():
@@ -210,10 +212,10 @@ def test_every_entry_of_a_syringe_is_explained():
 
 def test_the_smooth_curve_keeps_points_and_turning_points():
     path = np.array([[0.0, 0.0], [10.0, 5.0], [20.0, 8.0], [25.0, 15.0], [25.0, 15.0], [22.0, 20.0]])
-    curve = plots.smooth(path, 4001)
+    curve = path_curves.smooth(path, 4001)
     assert curve[:, 0].max() == pytest.approx(25.0, abs=1e-4) and (np.diff(curve[:, 1]) >= 0).all()
     assert all(np.linalg.norm(curve - point, axis=1).min() < 0.02 for point in path)
-    assert plots.smooth(path[:2]) == pytest.approx(path[:2])
+    assert path_curves.smooth(path[:2]) == pytest.approx(path[:2])
 
 
 def test_the_state_shown_is_the_last_requested_one(wedge):
@@ -243,7 +245,7 @@ def test_fine_triangles_keep_area_and_bend():
 @pytest.mark.parametrize("kind", ["wedge", "half_section"])
 def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
     """The made-up results have no mode; their displacement stands in for one."""
-    if kind == "wedge" and not rendering.can_render():
+    if kind == "wedge" and not offscreen.can_render():
         pytest.skip("nothing can render here")
     states, _ = loaded(request.getfixturevalue(kind))
     step, field = STEPS - 1, States.field
@@ -253,9 +255,9 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
         lambda self, k, name: field(self, k, "displacement") / 5e-3 if name == "mode" else field(self, k, name),
     )
     if kind == "wedge":
-        figure = stills.mode(look(states), step)
+        figure = solid_pictures.mode(look(states), step)
     else:
-        figure = sections.section_mode(
+        figure = section_pictures.section_mode(
             states.points, states.moved(step), states.field(step, "mode"), states.cells, states.rows[step], "apex"
         )
     canvas = FigureCanvasAgg(figure)
