@@ -83,6 +83,8 @@ class FigureWriter:
         text = readme.read_text(encoding="utf-8")
         readme.write_text(self.tables.rewritten(text, self.figures, whole), encoding="utf-8")
         terminalreporter.write_line(f"{len(self.figures)} figures written to {readme}")
+        for file in self.tables.unlisted(text, self.figures):
+            terminalreporter.write_line(f"no table there names {file}: add it to a line '<!-- figures:'", red=True)
         for one in self.tables.worst(self.figures):
             if one.loose:
                 terminalreporter.write_line(f"more than three times: {' | '.join(one.cells())}")

@@ -56,6 +56,12 @@ def worst(figures: Iterable[Figure]) -> list[Figure]:
     return list(kept.values())
 
 
+def unlisted(text: str, figures: Iterable[Figure]) -> list[str]:
+    """Files of tests that have figures and stand in no table of the page."""
+    listed = {file for _, names, _, _ in _TABLE.findall(text) for file in names.split()}
+    return sorted({figure.file for figure in figures} - listed)
+
+
 def rewritten(text: str, figures: Iterable[Figure], whole: Mapping[str, bool]) -> str:
     """The page with the rows of these figures in place of the old ones.
 
@@ -64,18 +70,10 @@ def rewritten(text: str, figures: Iterable[Figure], whole: Mapping[str, bool]) -
         figures: What was measured.
         whole: Files of tests that ran, and whether all of their tests ran and passed: rows that such a file no longer measures
             are dropped; the others' stay.
-
-    Raises:
-        ValueError: If a file with figures stands in no table.
     """
     rows: dict[str, list[Figure]] = {}
     for figure in worst(figures):
         rows.setdefault(figure.file, []).append(figure)
-    missing = set(rows) - {file for _, names, _, _ in _TABLE.findall(text) for file in names.split()}
-    if missing:
-        raise ValueError(
-            f"no table of {README.name} names {', '.join(sorted(missing))}: add it to a line '<!-- figures:'"
-        )
 
     def table(match: re.Match[str]) -> str:
         lines = []

@@ -46,7 +46,7 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
         for point in trace(Continuation(equations), [0.1, 0.4]):
             if point.requested:
                 values = dataclasses.asdict(fields.figures(point.state))
-                values.update(values.pop("rises"), **values.pop("device"))
+                values.update(values.pop("rises"), **values.pop("device"), **values.pop("extremes"))
                 found[f"{name} at {point.state.P:g}"] = np.hstack(list(values.values())).tolist()
         if name == "wedge":
             found["wedge, rates and outline"] = rates(equations, 0.1)

@@ -58,8 +58,9 @@ def test_of_like_figures_the_worst_is_shown(tables):
 
 
 def test_a_figure_without_a_table_is_named(tables):
-    with pytest.raises(ValueError, match=r"names test_three\.py"):
-        tables.rewritten(PAGE, [tables.Figure("test_three.py", "theory", "load", 0.0, 1.0)], {})
+    three = tables.Figure("test_three.py", "theory", "load", 0.0, 1.0)
+    assert tables.unlisted(PAGE, [three, three._replace(file="test_two.py")]) == ["test_three.py"]
+    assert rows(tables.rewritten(PAGE, [three], {"test_three.py": True})) == []
 
 
 def test_every_file_with_figures_stands_in_one_table(tables):
@@ -70,7 +71,7 @@ def test_every_file_with_figures_stands_in_one_table(tables):
     assert len(names) == len(set(names)) and using <= set(names) <= set(files)
 
 
-def test_figures_are_asserted_in_every_run(figure):
+def test_figures_are_asserted_in_every_run(figure, request):
     figure("nothing", "zero", [0.0, -1e-3], 2e-3)
     figure("nothing", "rate", [2.1, 2.2], at_least=2.0)
     with pytest.raises(AssertionError, match=r"allowed is 0\.002"):
@@ -79,3 +80,5 @@ def test_figures_are_asserted_in_every_run(figure):
         figure("nothing", "rate", [2.1, 1.9], at_least=2.0)
     with pytest.raises(AssertionError):
         figure("nothing", "lost", float("nan"), 1.0)
+    assert [name for name, _ in request.node.user_properties] == ["figure"] * 4
+    request.node.user_properties.clear()  # these are none for a table
