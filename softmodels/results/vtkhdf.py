@@ -55,30 +55,40 @@ def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[S
     data, offsets = group.create_group("PointData"), steps.create_group("PointDataOffsets")
     names = {name: shape for step in stored for name, shape in step.shapes.items()}
     for name in sorted(names):
-        layout, starts = _over_steps(name, names[name], stored, heavy)
-        data.create_virtual_dataset(name, layout, fillvalue=0.0)
-        offsets[name] = starts
+        offsets[name] = _over_steps(data, name, names[name], stored, heavy)
 
 
 def _over_steps(
-    name: str, shape: tuple[int, ...], stored: Sequence[StoredStep], heavy: str
-) -> tuple[h5py.VirtualLayout, np.ndarray]:
-    """A field over all steps, and where each step's values begin; steps without it have zeros, which nothing stores."""
+    group: h5py.Group, name: str, shape: tuple[int, ...], stored: Sequence[StoredStep], heavy: str
+) -> np.ndarray:
+    """Add a field over all steps; steps without it have zeros, which nothing stores. Where each step's values begin."""
     having = [step for step in stored if name in step.shapes]
     points = shape[0]
     blocks = len(having) + (len(having) < len(stored))
-    layout = h5py.VirtualLayout((blocks * points, *shape[1:]), np.float64)
+    size = (blocks * points, *shape[1:])
+    properties = _unstamped()
+    properties.set_fill_value(np.zeros(1))
     for block, step in enumerate(having):
-        place = HERE if heavy == HERE else step.file
-        layout[block * points : (block + 1) * points] = h5py.VirtualSource(place, f"{step.group}/{name}", shape)
+        place, part = HERE if heavy == HERE else step.file, h5py.h5s.create_simple(size)
+        part.select_hyperslab((block * points, *(0 for _ in shape[1:])), shape)
+        source = h5py.h5s.create_simple(shape)
+        properties.set_virtual(part, place.encode(), f"{step.group}/{name}".encode(), source)
+    h5py.h5d.create(group.id, name.encode(), h5py.h5t.NATIVE_DOUBLE, h5py.h5s.create_simple(size), properties)
     place_of = {id(step): block for block, step in enumerate(having)}
-    return layout, np.array([place_of.get(id(step), len(having)) * points for step in stored], dtype=np.int64)
+    return np.array([place_of.get(id(step), len(having)) * points for step in stored], dtype=np.int64)
+
+
+def _unstamped() -> h5py.h5p.PropDCID:
+    """Properties of a dataset without the time it was made at: the same run writes the same bytes."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_obj_track_times(False)
+    return properties
 
 
 def _flat(group: h5py.Group, name: str, file: str, path: str, shape: tuple[int, int]) -> None:
     """A one-dimensional virtual dataset over a whole two-dimensional one of 64-bit integers."""
     flat = h5py.h5s.create_simple((shape[0] * shape[1],))
-    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties = _unstamped()
     properties.set_virtual(flat, file.encode(), path.encode(), h5py.h5s.create_simple(shape))
     h5py.h5d.create(group.id, name.encode(), h5py.h5t.NATIVE_INT64, flat, properties)
 

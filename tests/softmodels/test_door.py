@@ -171,7 +171,7 @@ def test_volumes_and_strokes():
         ({"volumes": "0:60 cm"}, "unknown unit"),
         ({}, "request either pressures"),
         ({"pressures": "0:10 cm", "volumes": "0:1 ml"}, "request either pressures"),
-        ({"pressures": "0:10 cm", "control": "will"}, "control 'will'"),
+        ({"pressures": "0:10 cm", "control": "will"}, "control is 'will'"),
     ],
 )
 def test_what_cannot_be_meant_is_a_sentence(load, words):

@@ -27,13 +27,14 @@ from softmodels.fitting.curves.curve import read_curve
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.materials.homogeneous import nominal_stress
 
-README = Path(__file__).parents[2] / "README.md"
+TOP = Path(__file__).parents[2]
+PAGES = [TOP / "README.md", *sorted((TOP / "docs" / "pages").glob("*.md"))]
 FILE = re.compile(r"\.(toml|csv|jpg|step|msh)$|/")
 
 
-def readme_commands():
-    """Words of every command in the README's sh blocks, in order."""
-    blocks = re.findall(r"^```sh\n(.*?)^```", README.read_text(), flags=re.MULTILINE | re.DOTALL)
+def commands_of(page):
+    """Words of every command in a page's sh blocks, in order."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
     return [shlex.split(line, comments=True) for line in lines if line.strip() and not line.startswith("#")]
 
@@ -49,21 +50,23 @@ def written(tmp_path_factory):
         return examples.write_examples(tmp_path_factory.mktemp("fresh") / "examples")
 
 
-def test_every_readme_command_parses_and_finds_its_files(written, monkeypatch):
+def test_every_command_on_pages_parses_and_finds_its_files(written, monkeypatch):
     monkeypatch.chdir(written.path.parent)
-    commands = readme_commands()
-    assert len(commands) > 25
-    made: set[str] = set()
-    for words in commands:
-        assert words[:2] == ["uv", "run"], words
-        rest = words[2:]
-        if rest[0] == "mpirun":
-            rest = rest[3:]
-        if rest == ["softmodels", "examples"] or rest[0] == "pytest":
-            continue
-        _check_files(rest, written.path.parent, made)
-        _parse(rest, words)
-        made |= _outputs(rest)
+    count = 0
+    for page in PAGES:
+        made: set[str] = set()  # each page stands by itself
+        for words in commands_of(page):
+            assert words[:2] == ["uv", "run"], words
+            rest = words[2:]
+            if rest[0] == "mpirun":
+                rest = rest[3:]
+            if rest == ["softmodels", "examples"] or rest[0] == "pytest":
+                continue
+            _check_files(rest, written.path.parent, made)
+            _parse(rest, words)
+            made |= _outputs(rest)
+            count += 1
+    assert count > 35
 
 
 def _outputs(words):
@@ -119,7 +122,8 @@ def test_the_two_demonstrations_take_folders_of_their_own(monkeypatch, capsys):
         with contextlib.suppress(SystemExit, click.ClickException):
             module.demo.main([], standalone_mode=False)
     assert len(taken) == len(set(taken)) == 2
-    assert f"{taken[0]}/" in README.read_text() and f"{taken[1]}/outlines" in README.read_text()
+    text = "".join(page.read_text() for page in PAGES)
+    assert f"{taken[0]}/" in text and f"{taken[1]}/outlines" in text
 
 
 def test_the_cases_are_cases_and_the_part_has_its_cavities(written):

@@ -128,7 +128,7 @@ def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(runs, wh
     for found, row in zip(after, (rows[0], rows[36]), strict=True):
         check(found, row, 37)
     assert sorted(path.name for path in whole[0].iterdir()) == [
-        ".softmodels.json", "case.toml", "disk.h5", "disk.msh", "disk.xdmf", "path.csv", "summary.json",
+        ".softmodels.json", "case.toml", "disk.h5", "disk.msh", "disk.vtkhdf", "disk.xdmf", "path.csv", "summary.json",
     ]  # fmt: skip
 
 

@@ -83,7 +83,7 @@ def test_octant_converges(bodies, equilibrium, solved, figure):
     sizes = (0.005, 0.0025, 0.00167)
     equations = [equilibrium(bodies.Octant(cell_size=size), LAWS["neo-hookean"]) for size in sizes]
     table = [np.abs(errors(solved, e, sphere_pressure, 3)).max() for e in equations]
-    rate = np.polyfit(np.log([len(e.cells) ** (-1 / 3) for e in equations]), np.log(table), 1)[0]
+    rate = np.polyfit(np.log([len(e.system.cells) ** (-1 / 3) for e in equations]), np.log(table), 1)[0]
     figure(SPHERE, "power of the cell size at which the octant's error falls", rate, at_least=2.7)
 
 
