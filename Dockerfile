@@ -17,6 +17,7 @@ COPY pyproject.toml .python-version README.md LICENSE ./
 COPY geometries geometries
 COPY measurement measurement
 COPY softmodels softmodels
+COPY docs docs
 COPY tests tests
 RUN uv sync && uv run softmodels doctor
 

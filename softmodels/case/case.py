@@ -207,8 +207,9 @@ class Case:
             raise CaseError(f"the case {error}") from None
 
     @classmethod
-    def from_file(cls, path: Path) -> Case:
+    def from_file(cls, path: Path | str) -> Case:
         """Read a case file; see `from_toml`. The messages name the file."""
+        path = Path(path)
         try:
             return cls._from_tables(read_toml(path), path.parent)
         except TomlError as error:
