@@ -7,8 +7,8 @@ Each series is simulated with a silicone, a number of photographs and bench erro
 with each of 5 wrong units of all pressures. A wrong one counts as refused if the fit is not sound, and as named if the reason
 names its row (or a unit).
 
-A series is estimated at half a minute of processor time, 20 of them at ten minutes (never run to their end), a fit of heights alone 0.7
-s. Of the first 31 repeats with five heights, 30 intervals of c1 and 30 of c2 hold the truth.
+A series is estimated at half a minute of processor time, 20 of them at ten minutes (never run to their end); a fit of
+heights alone takes 0.7 s. Of the first 31 repeats with five heights, 30 intervals of c1 and 30 of c2 hold the truth.
 """
 
 from __future__ import annotations
