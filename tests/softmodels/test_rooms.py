@@ -10,7 +10,19 @@ import pytest
 
 TOP = Path(__file__).parents[2]
 ROOMS = {
-    "softmodels": ("materials", "mechanics", "path", "case", "results", "fitting", "pictures", "runs", "cli", ""),
+    "softmodels": (
+        "materials",
+        "mechanics",
+        "path",
+        "case",
+        "results",
+        "fitting",
+        "design",
+        "pictures",
+        "runs",
+        "cli",
+        "",
+    ),
     "measurement": ("common", "camera", "screen", "edge", "outline", "series", "synthetic", "cli", ""),
 }
 """From the lowest to the highest. The last are the public names and the commands as users call them."""
