@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from geometries.errors import GeometryError, MeshingError
 from geometries.fields import settle
+from geometries.mirroring import Mirror
 
-__all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Mirror", "Vector"]
+__all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
 
 Vector = tuple[float, float, float]
 
@@ -55,21 +56,6 @@ class Hold:
     role: str
     direction: Vector | None
     point: bool = False
-
-
-@dataclasses.dataclass(frozen=True)
-class Mirror:
-    """A coordinate plane through the origin on which a mesh of half a body is mirrored into one of the whole.
-
-    Attributes:
-        role: Physical group of the facets on the plane; the whole has none such.
-        axis: 0, 1 or 2: the plane is square to x, y or z.
-        renamed: Groups whose image is another one, such as ``{"top": "bottom"}``; the image of any other joins it.
-    """
-
-    role: str
-    axis: int
-    renamed: Mapping[str, str]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from geometries.actuator import Mirror
 
 TURNED = {
     2: [1, 0, 2],
@@ -19,6 +17,21 @@ TURNED = {
 
 An image is turned inside out; this turns it back.
 """
+
+
+@dataclasses.dataclass(frozen=True)
+class Mirror:
+    """A coordinate plane through the origin on which a mesh of half a body is mirrored into one of the whole.
+
+    Attributes:
+        role: Physical group of the facets on the plane; the whole has none such.
+        axis: 0, 1 or 2: the plane is square to x, y or z.
+        renamed: Groups whose image is another one, such as ``{"top": "bottom"}``; the image of any other joins it.
+    """
+
+    role: str
+    axis: int
+    renamed: Mapping[str, str]
 
 
 def mirror_mesh(mirror: Mirror) -> None:

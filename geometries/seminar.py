@@ -29,8 +29,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold, Mirror, Vector
+from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.fields import angle_field, choice_field, length_field, number_field
+from geometries.mirroring import Mirror
 from geometries.registry import register
 from geometries.seminar_cells import expected_cells
 from geometries.seminar_checks import check_seminar

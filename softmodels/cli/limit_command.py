@@ -148,13 +148,12 @@ def _answered(
 ) -> tuple[dict[str, Limit], Scatter]:
     """The limits by material and of the devices within the tolerances; ends the program where there are none."""
     case, sampled = question.case, list[Sampled]()
-    around = (case.sheet, case.obstacle, case.formulation)
     try:
-        limits = find_limit(case.actuator, list(materials.values()), comm, *around)
+        limits = find_limit(case.actuator, list(materials.values()), comm, case.sheet, case.obstacle, case.formulation)
         if question.tolerances:
             values = samples(question.tolerances, question.count, question.normal)
             first = next(iter(materials.values()))
-            sampled = scatter(case.actuator, first, question.tolerances, values, comm, *around)
+            sampled = scatter(case, first, question.tolerances, values, comm)
     except (CaseError, ObstacleError) as error:
         fail(str(error))
     except (MeshingError, BodyError, CompilingError) as error:

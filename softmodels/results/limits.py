@@ -10,7 +10,7 @@ import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from geometries import Actuator, GeometryError
 from geometries.fields import about
 from geometries.kinds import Length, Quantity
 from measurement.units import UnitError, brief, number, quantity
-from softmodels.case.case import STIFFNESS_RANGE, CaseError
+from softmodels.case.case import STIFFNESS_RANGE, Case, CaseError
 from softmodels.materials.laws import Material
 from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.contact import Obstacle
@@ -27,7 +27,11 @@ from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from softmodels.mechanics.solver import Solver
+    from softmodels.path.continuation import Continuation
+    from softmodels.path.points import Point
     from softmodels.results.fields import Fields
 
 LONGEST_TEXT = 300
@@ -67,7 +71,7 @@ class Limit:
 def find_limit(
     actuator: Actuator,
     materials: Sequence[Material],
-    comm: Any,
+    comm: MPI.Comm,
     sheet: Sheet | None = None,
     obstacle: Obstacle | None = None,
     formulation: str = "mixed",
@@ -94,7 +98,7 @@ def find_limit(
         on_root(comm, lambda: actuator.write(path))
         body = Body.from_file(actuator, path, comm)
         comm.barrier()
-    known: dict[Any, Any] = {}
+    known: dict[tuple[type[Material], int], tuple[Solver, Fields]] = {}
     found = []
     try:
         for material in materials:
@@ -125,7 +129,7 @@ def _search(solver: Solver, fields: Fields) -> Limit:
             if point.limit or point.bifurcation:
                 kind = "limit" if point.limit else "bifurcation"
                 break
-            if fields.figures(point.state).max_stretch > LARGEST_STRETCH:
+            if before is not None and fields.figures(point.state).max_stretch > LARGEST_STRETCH:
                 last = _stretched(path, fields, before, point)
                 break
     except (PathEnd, NoConvergence) as end:
@@ -138,7 +142,7 @@ def _search(solver: Solver, fields: Fields) -> Limit:
     )  # fmt: skip
 
 
-def _stretched(path: Any, fields: Any, before: Any, after: Any) -> Any:
+def _stretched(path: Continuation, fields: Fields, before: Point, after: Point) -> Point:
     """The point between two where the largest stretch is `LARGEST_STRETCH`, to a part in a thousand or so."""
     for _ in range(2):  # each time from the end that is nearer
         low, high = (fields.figures(point.state).max_stretch for point in (before, after))
@@ -223,16 +227,16 @@ def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -
 
 
 def scatter(
-    actuator: Actuator,
-    material: Material,
-    tolerances: Sequence[Tolerance],
-    values: npt.NDArray[np.float64],
-    comm: Any,
-    sheet: Sheet | None = None,
-    obstacle: Obstacle | None = None,
-    formulation: str = "mixed",
+    case: Case, material: Material, tolerances: Sequence[Tolerance], values: npt.NDArray[np.float64], comm: MPI.Comm
 ) -> list[tuple[Mapping[str, float], Limit]]:
     """The limit of each sampled device, with its parameters.
+
+    Args:
+        case: The device as drawn and what is around it; its load and material are not looked at.
+        material: The silicone.
+        tolerances: The parameters that are sampled.
+        values: See `samples`, shape (count, parameters).
+        comm: MPI communicator.
 
     Raises:
         CaseError: Tolerances that make no device.
@@ -241,8 +245,8 @@ def scatter(
     for row in values:
         changes = {t.name: float(value) for t, value in zip(tolerances, row, strict=True)}
         try:
-            device = actuator.made(changes)
+            device = case.actuator.made(changes)
         except GeometryError as error:
             raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
-        found.append((changes, find_limit(device, [material], comm, sheet, obstacle, formulation)[0]))
+        found.append((changes, find_limit(device, [material], comm, case.sheet, case.obstacle, case.formulation)[0]))
     return found

@@ -14,7 +14,6 @@ LINES, FUNCTION_LINES, PARAMETERS, ENTRIES = 300, 60, 7, 15
 PACKAGES = [Path(package.__file__).parent for package in (softmodels, measurement, geometries)]
 
 LONG_FILES = {
-    "geometries/actuator.py",
     "measurement/cli/setup.py",
     "measurement/edge/tracing.py",
     "measurement/own_folder.py",
@@ -32,7 +31,6 @@ MANY_PARAMETERS = {
     "measurement/cli/photos.py: photos",
     "measurement/edge/edge.py: _fit",
     "measurement/screen/grid_crossings.py: _profiles",
-    "softmodels/results/limits.py: scatter",
 }
 
 
