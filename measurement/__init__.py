@@ -11,8 +11,9 @@ sentence that the command line prints.
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING
+
+from measurement.lazy_names import lazy_names
 
 _PLACES = {
     "measurement.camera.camera": ("Camera", "CameraError"),
@@ -27,9 +28,9 @@ _PLACES = {
     "measurement.series.photo": ("Refusal",),
     "measurement.series.photo_list": ("Photograph", "PhotoListError", "read_photos"),
 }
-_MODULES = {name: module for module, names in _PLACES.items() for name in names}
+_NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
 
-__all__ = [*_MODULES]
+__all__ = [*_NAMES]
 
 if TYPE_CHECKING:
     from measurement.camera.camera import Camera as Camera
@@ -51,16 +52,3 @@ if TYPE_CHECKING:
     from measurement.series.photo_list import Photograph as Photograph
     from measurement.series.photo_list import PhotoListError as PhotoListError
     from measurement.series.photo_list import read_photos as read_photos
-
-
-def __getattr__(name: str) -> object:
-    """A public name, loaded when it is first used."""
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_MODULES[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULES})

@@ -12,8 +12,9 @@ printed, no signal handler is set, no process exits: errors are exceptions, with
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING
+
+from measurement.lazy_names import lazy_names
 
 __version__ = "0.1.0"
 
@@ -45,9 +46,9 @@ _PLACES = {
     "softmodels.runs.states": ("SolvedState",),
     "softmodels.runs.door": ("inflate", "run", "load", "limit"),
 }
-_MODULES = {name: module for module, names in _PLACES.items() for name in names}
+_NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
 
-__all__ = ["__version__", *_MODULES]
+__all__ = ["__version__", *_NAMES]
 
 if TYPE_CHECKING:
     from geometries import GeometryError as GeometryError
@@ -86,16 +87,3 @@ if TYPE_CHECKING:
     from softmodels.runs.door import run as run
     from softmodels.runs.run import Run as Run
     from softmodels.runs.states import SolvedState as SolvedState
-
-
-def __getattr__(name: str) -> object:
-    """A public name, loaded when it is first used."""
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_MODULES[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULES})

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -12,22 +15,42 @@ from measurement.synthetic.photographer import Scene, truth_of
 Picture = NDArray[np.uint8]
 
 
-def chessboard(
-    scene: Scene,
-    squares: tuple[int, int] = (10, 7),
-    side: float = 0.008,
-    blur: float = 0.8,
-    noise: float = 1.0,
-    seed: int = 0,
-) -> Picture:
+Light = NDArray[np.floating]
+
+
+def _board(light: Callable[[Scene, tuple[int, int], float, float], Light]) -> Callable[..., Picture]:
+    """A photographer of one kind of board, from the light (h, w) that reaches the pixels."""
+
+    @functools.wraps(light)
+    def photograph(
+        scene: Scene,
+        squares: tuple[int, int] = (10, 7),
+        side: float = 0.008,
+        blur: float = 0.8,
+        noise: float = 1.0,
+        seed: int = 0,
+    ) -> Picture:
+        clean = light(scene, squares, side, blur)
+        noisy = clean + noise * np.random.default_rng(seed).normal(size=clean.shape)
+        return np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+    return photograph
+
+
+def _pixels(scene: Scene) -> NDArray[np.float64]:
+    """All pixels (h w, 2) of a scene's photograph, row by row."""
+    y, x = np.indices((scene.height, scene.width)).astype(float)
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+@_board
+def chessboard(scene: Scene, squares: tuple[int, int], side: float, blur: float) -> Light:
     """A photograph (h, w, 3) of a chessboard about (0, 0).
 
     The edges are error functions of the distance in pixels: sampling a drawing, even at 16 places in a pixel, moves the
     corners by some hundredths of a pixel, which is more than they are measured to.
     """
-    truth = truth_of(scene)
-    y, x = np.indices((scene.height, scene.width)).astype(float)
-    px = np.column_stack([x.ravel(), y.ravel()])
+    truth, px = truth_of(scene), _pixels(scene)
     place = truth.to_screen(px) / side
     beside = [truth.to_screen(px + step) / side - place for step in np.eye(2)]
     waves, inside = [], np.ones(len(px))
@@ -38,31 +61,19 @@ def chessboard(
         waves.append(erf((at - line) / width) * (1 - 2 * (line % 2)))
         inside = inside * 0.5 * (erf(at / width) - erf((at - squares[axis]) / width))
     light = 220.0 - inside * 90.0 * (1.0 + waves[0] * waves[1])
-    return _stored(light.reshape(scene.height, scene.width), noise, seed)
+    return np.asarray(light.reshape(scene.height, scene.width))
 
 
-def charuco(
-    scene: Scene,
-    squares: tuple[int, int] = (10, 7),
-    side: float = 0.008,
-    blur: float = 0.8,
-    noise: float = 1.0,
-    seed: int = 0,
-) -> Picture:
+@_board
+def charuco(scene: Scene, squares: tuple[int, int], side: float, blur: float) -> Light:
     """A photograph (h, w, 3) of a ChArUco board about (0, 0)."""
-    truth, fine = truth_of(scene), 120
+    fine = 120
     markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     sheet = cv2.aruco.CharucoBoard(squares, 1.0, 0.75, markers).generateImage((squares[0] * fine, squares[1] * fine))
     sheet = cv2.copyMakeBorder(
         cv2.GaussianBlur(sheet, (0, 0), 1.5), fine, fine, fine, fine, cv2.BORDER_CONSTANT, value=[255]
     )
-    y, x = np.indices((scene.height, scene.width)).astype(float)
-    place = truth.to_screen(np.column_stack([x.ravel(), y.ravel()])) / side * [1, -1] + np.array(squares) / 2 + 1
+    place = truth_of(scene).to_screen(_pixels(scene)) / side * [1, -1] + np.array(squares) / 2 + 1
     at = (place * fine - 0.5).reshape(scene.height, scene.width, 2).astype(np.float32)
     light = cv2.remap(sheet, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) * 0.75 + 20.0
-    return _stored(cv2.GaussianBlur(light, (0, 0), blur), noise, seed)
-
-
-def _stored(light: NDArray[np.floating], noise: float, seed: int) -> Picture:
-    light = light + noise * np.random.default_rng(seed).normal(size=light.shape)
-    return np.repeat(np.clip(np.rint(light), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+    return np.asarray(cv2.GaussianBlur(light, (0, 0), blur))

@@ -18,6 +18,7 @@ from geometries import HollowDisk, SeminarActuator
 from geometries.meshing import private_model
 from softmodels.case.case import Case
 from softmodels.case.material_table import DEFAULT
+from softmodels.cli.options import main
 from softmodels.pictures.offscreen import can_render
 from softmodels.results.row import Row
 from softmodels.results.store import Results
@@ -83,6 +84,23 @@ def runs():
     return types.SimpleNamespace(
         DISK=DISK, SOFT=SOFT, start=start, run=run, disk=disk, rows=rows, readable=readable, same=same
     )
+
+
+@pytest.fixture
+def ended(monkeypatch, capsys):
+    """Return a function that runs a command in this process: its exit status, what it printed, and its complaints."""
+
+    def run_command(asked, *arguments):
+        monkeypatch.setattr(sys, "argv", ["softmodels", *map(str, arguments)])
+        status = 0
+        try:
+            main(asked)
+        except SystemExit as end:
+            status = end.code or 0
+        printed = capsys.readouterr()
+        return status, printed.out, printed.err
+
+    return run_command
 
 
 @pytest.fixture(scope="session")

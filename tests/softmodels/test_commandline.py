@@ -10,7 +10,6 @@ import pytest
 
 import softmodels.cli.run
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.cli.options import main
 from softmodels.disk import command
 
 FILES = {
@@ -119,21 +118,10 @@ ALL = [
 
 
 @pytest.fixture
-def says(tmp_path, monkeypatch, capsys):
+def says(tmp_path, monkeypatch, ended):
     """Return a function that runs a command in an empty folder and gives its exit status and what it said."""
     monkeypatch.chdir(tmp_path)
-
-    def say(asked, arguments):
-        monkeypatch.setattr(sys, "argv", ["softmodels", *map(str, arguments)])
-        status = 0
-        try:
-            main(asked)
-        except SystemExit as end:
-            status = end.code
-        told = capsys.readouterr()
-        return status, told.out, told.err
-
-    return say
+    return lambda asked, arguments: ended(asked, *arguments)
 
 
 @pytest.mark.parametrize(("asked", "arguments", "words"), ALL, ids=[" ".join(arguments) for _, arguments, _ in ALL])

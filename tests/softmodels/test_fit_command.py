@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import functools
 import json
 import subprocess
 import sys
@@ -16,7 +17,6 @@ import pytest
 
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.material_table import from_table, material_from
-from softmodels.cli.options import main
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.materials.laws import Ogden, Yeoh
 from softmodels.materials.specimens import respond, strain_of
@@ -45,19 +45,10 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def says(folder, monkeypatch, capsys):
+def says(folder, monkeypatch, ended):
     """Return a function that runs a command in the folder and gives its exit status, what it said and its complaints."""
     monkeypatch.chdir(folder)
-
-    def says(*words):
-        monkeypatch.setattr(sys, "argv", ["softmodels", *words])
-        with pytest.raises(SystemExit) as stop:
-            main(whole_command)
-            raise SystemExit(0)
-        said = capsys.readouterr()
-        return stop.value.code or 0, said.out, said.err
-
-    return says
+    return functools.partial(ended, whole_command)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,6 @@ from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.case.identity import difference, identity
 from softmodels.case.material_table import DEFAULT
-from softmodels.cli.options import main
 from softmodels.disk import command
 from softmodels.mechanics.contact import Obstacle
 from softmodels.results.row import Row
@@ -33,20 +32,14 @@ SHORT = [*BASIC, "--pressure-cm=0,30"]
 
 
 @pytest.fixture
-def says(tmp_path, monkeypatch, capsys):
+def says(tmp_path, monkeypatch, ended):
     """Return a function that runs a command in an empty folder, in this process, and gives its status and what it said."""
     monkeypatch.chdir(tmp_path)
 
     def say(asked, *arguments):
-        monkeypatch.setattr(sys, "argv", ["softmodels", *map(str, arguments)])
-        status = 0
-        try:
-            main(asked)
-        except SystemExit as end:
-            status = end.code
-        told = capsys.readouterr()
-        assert "Traceback" not in told.err and (status in (0, None) or told.err.count("\n") == 1), told.err
-        return status or 0, told.out, told.err
+        status, out, err = ended(asked, *arguments)
+        assert "Traceback" not in err and (status == 0 or err.count("\n") == 1), err
+        return status, out, err
 
     return say
 

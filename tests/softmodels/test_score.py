@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import csv
-import sys
 
 import numpy as np
 import pytest
 
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.cli.options import main
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.law_parameters import LawChoice
@@ -54,21 +52,12 @@ def test_a_law_goes_through_its_numbers(law):
 
 
 @pytest.fixture
-def says(tmp_path, monkeypatch, capsys):
+def says(tmp_path, monkeypatch, ended):
     monkeypatch.chdir(tmp_path)
     curve = measured(count=90)
     rows = [f"{a:.9g},{b:.9g}" for a, b in zip(curve.stretch, curve.stress, strict=True)]
     (tmp_path / "pull.csv").write_text("\n".join(["stretch,stress (Pa)", *rows]) + "\n")
-
-    def says(text):
-        monkeypatch.setattr(sys, "argv", ["softmodels", *text.split()])
-        with pytest.raises(SystemExit) as stop:
-            main(whole_command)
-            raise SystemExit(0)
-        said = capsys.readouterr()
-        return stop.value.code or 0, said.out, said.err
-
-    return says
+    return lambda text: ended(whole_command, *text.split())
 
 
 def test_a_table_of_several_materials(says, tmp_path):

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import json
-import sys
 
 import pytest
 
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.cli.options import main
 from softmodels.materials.silicones import PRODUCTS
 
 
 @pytest.fixture
-def says(monkeypatch, capsys):
-    def says(*words):
-        monkeypatch.setattr(sys, "argv", ["softmodels", *words])
-        with pytest.raises(SystemExit) as stop:
-            main(whole_command)
-            raise SystemExit(0)
-        said = capsys.readouterr()
-        return stop.value.code or 0, said.out, said.err
-
-    return says
+def says(ended):
+    return functools.partial(ended, whole_command)
 
 
 def test_all_are_listed_with_units(says):
