@@ -19,8 +19,8 @@ PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROT
 """Ranks of MPICH wait by spinning: with more of them than cores they keep each other from work, unless told to sleep."""
 
 NEAR_A_LIMIT = ("lowest eigenvalue",)
-"""Figures of a state 0.4 % of the pressure past a limit point. An eigenvalue falls there as the root of the distance from it, so
-that a difference of 1e-12 to 1e-11 in the pressure shows a hundred times larger."""
+"""Figures of a state 0.4 % of the pressure past a limit point. An eigenvalue falls there as the root of the distance from it,
+so that a difference of 1e-12 to 1e-11 in the pressure shows a hundred times larger."""
 
 
 @pytest.fixture(scope="module")
