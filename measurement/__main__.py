@@ -13,10 +13,10 @@ with stoppable("measurement"):
     from measurement.running import run_command
 
 COMMANDS = {
-    "calibrate": "measurement.cli.setup",
+    "calibrate": "measurement.cli.calibrate",
     "setup": "measurement.cli.setup",
     "photos": "measurement.cli.photos",
-    "demo": "measurement.cli.photos",
+    "demo": "measurement.cli.demo",
 }
 """Commands in the order of their use, and the modules that hold them: imported when asked for, so that help is quick."""
 

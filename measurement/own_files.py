@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import importlib.metadata
+import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +30,27 @@ def version() -> str:
         return "unknown"
 
 
+@contextlib.contextmanager
+def replaced_whole(path: Path, aside: Path | None = None) -> Iterator[Path]:
+    """A file beside another to write to, which takes the other's place at the end of the block; if that fails it goes.
+
+    Args:
+        path: The file to replace.
+        aside: The one beside it; a hidden name of this process with the same ending unless given.
+    """
+    aside = path.with_name(f".{os.getpid()}-{path.name}") if aside is None else aside
+    try:
+        yield aside
+        aside.replace(path)
+    finally:
+        with contextlib.suppress(OSError):
+            aside.unlink(missing_ok=True)
+
+
 def replace_text(path: Path, text: str) -> None:
     """Write a small file whole or not at all."""
-    aside = path.with_name(f"{path.name}.part")
-    try:
+    with replaced_whole(path, path.with_name(f"{path.name}.part")) as aside:
         aside.write_text(text, encoding="utf-8")
-        aside.replace(path)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
 
 
 def is_inside(name: Any) -> bool:

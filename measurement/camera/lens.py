@@ -36,6 +36,9 @@ A profile was measured on another copy of the lens, mostly at another focus dist
 for the same lens differ by about this much. A calibration from chessboards has no such guess.
 """
 
+APERTURE, DISTANCE = 8.0, 1000.0
+"""f-number and focus distance in m that lensfun asks for; its geometry depends on neither."""
+
 ZOOM = 0.1
 """Share by which neighbouring focal lengths differ whose distortion tells a profile's error."""
 
@@ -49,16 +52,12 @@ class Exif:
         camera: Model of the camera.
         lens: Name of the lens, maybe empty.
         focal_mm: Focal length in mm, None where unknown.
-        aperture: f-number, None where unknown.
-        distance: Focus distance in m, None where unknown.
     """
 
     maker: str
     camera: str
     lens: str
     focal_mm: float | None = None
-    aperture: float | None = None
-    distance: float | None = None
 
 
 def read_exif(path: Path | str) -> Exif:
@@ -81,8 +80,6 @@ def read_exif(path: Path | str) -> Exif:
         camera=camera,
         lens=_text(body.get(ExifTags.Base.LensModel)),
         focal_mm=_number(body.get(ExifTags.Base.FocalLength)),
-        aperture=_number(body.get(ExifTags.Base.FNumber)),
-        distance=_number(body.get(ExifTags.Base.SubjectDistance)),
     )
 
 
@@ -93,8 +90,6 @@ def lens_profile(
     *,
     lens: str | None = None,
     focal_mm: float | None = None,
-    aperture: float | None = None,
-    distance: float | None = None,
     database: Path | str | None = None,
 ) -> Camera:
     """The camera that lensfun's database describes.
@@ -105,8 +100,6 @@ def lens_profile(
         height: Rows.
         lens: Name of the lens, over the one in ``names``.
         focal_mm: Focal length in mm, over the one in ``names``.
-        aperture: f-number; lensfun's geometry does not depend on it.
-        distance: Focus distance in m; lensfun's geometry does not depend on it.
         database: An XML file in lensfun's format; the database that comes with lensfunpy unless given.
 
     Raises:
@@ -129,22 +122,19 @@ def lens_profile(
     calibration = glass.interpolate_distortion(focal)
     if calibration is None or calibration.model == lensfunpy.DistortionModel.NONE:
         raise CameraError(f"lensfun knows the lens {glass.model} but not its distortion; calibrate it from chessboards")
-    stops = (aperture or known.aperture or 8.0, distance or known.distance or 1000.0)
     # A zoom's distortion changes sign somewhere; right there the profile names none, and its neighbours tell its error.
     near = np.clip(np.array([1.0, 1.0 - ZOOM, 1.0 + ZOOM]) * focal, glass.min_focal, glass.max_focal)
-    cameras = [_at_focal(body, glass, float(length), stops, width, height) for length in near]
+    cameras = [_at_focal(body, glass, float(length), width, height) for length in near]
     ideal = frame_points(width, height)
     bends = [np.sqrt(np.mean(beyond_projection(ideal, camera.distort(ideal)) ** 2)) for camera in cameras]
     return dataclasses.replace(cameras[0], error_px=PROFILE_SHARE * float(max(bends)))
 
 
-def _at_focal(
-    body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, stops: tuple[float, float], width: int, height: int
-) -> Camera:
-    """The camera at one focal length in mm, without its error; ``stops`` are f-number and focus distance in m."""
+def _at_focal(body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, width: int, height: int) -> Camera:
+    """The camera at one focal length in mm, without its error."""
     lensfun = _lensfun()
     modifier = lensfun.Modifier(glass, body.crop_factor, width, height)
-    modifier.initialize(focal, *stops, scale=1.0, flags=lensfun.ModifyFlags.DISTORTION)
+    modifier.initialize(focal, APERTURE, DISTANCE, scale=1.0, flags=lensfun.ModifyFlags.DISTORTION)
     unit, size = 0.5 * math.hypot(width, height), min(width, height) - 1
     centre = np.array([(width - 1 + glass.center_x * size) / 2, (height - 1 + glass.center_y * size) / 2])
     ideal = frame_points(width, height)

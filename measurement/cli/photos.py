@@ -1,21 +1,24 @@
-"""The commands ``photos`` and ``demo``: outlines from a list of photographs, and a set of photographs to try it on."""
+"""The command ``photos``: outlines from a list of photographs."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any
 
 import click
 import numpy as np
 
 from measurement.camera.pixels import TONES, Unmeasurable, read_photograph
+from measurement.cli.exits import DONE, FAILED, SOME_REFUSED, UNUSABLE, stop
+from measurement.cli.option_texts import length, with_error
 from measurement.edge.tracing import AUTO
-from measurement.ending import bounded
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
-from measurement.output_option import FolderType, open_folder, open_place
+from measurement.output_option import FolderType, open_folder
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
 from measurement.reasons import reason
@@ -28,10 +31,41 @@ from measurement.series.photo import Refusal
 from measurement.series.photo_list import Photograph, PhotoListError, read_photos
 from measurement.units import WATER_DENSITY, UnitError, quantity
 
-ALL_MEASURED, FAILED, UNUSABLE, SOME_REFUSED = 0, 1, 2, 3
 
-DEMO = ("photographs/", "setup.toml", "setup.png", "outlines/")
-"""What the demonstration writes into its folder."""
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """How the photographs are measured and shown.
+
+    Attributes:
+        tone: How the files store light.
+        column: The water column that lengths of the list were read from.
+        width: True width of the body in m and its standard error; None where it is not known.
+        jobs: Processes at a time.
+        pictures: Whether pictures are drawn.
+        quiet: Whether nothing but errors is shown.
+    """
+
+    tone: str
+    column: Column
+    width: tuple[float, float] | None
+    jobs: int
+    pictures: bool
+    quiet: bool
+
+    @classmethod
+    def of(cls, given: dict[str, Any]) -> Options:
+        """Those that the command's values mean.
+
+        Raises:
+            ColumnError, UnitError: A value that cannot be meant.
+        """
+        column = Column(
+            quantity(given["water_density"], "kg/m^3"),
+            quantity(given["density_error"], "kg/m^3"),
+            length(given["reading_error"]),
+        )
+        width = None if given["body_width"] is None else _width(given["body_width"])
+        return cls(given["tone"], column, width, given["jobs"] or _cores(), not given["no_pictures"], given["quiet"])
 
 
 @click.command()
@@ -54,10 +88,7 @@ DEMO = ("photographs/", "setup.toml", "setup.png", "outlines/")
               "magnification.")  # fmt: skip
 @click.option("--no-pictures", is_flag=True, help="Leave the pictures and the overview out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def photos(
-    listing: Path, setup_file: Path, output: Path | None, jobs: int | None, tone: str, water_density: str, density_error: str,
-    reading_error: str, body_width: str | None, no_pictures: bool, quiet: bool,
-) -> None:  # fmt: skip
+def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> None:
     """Measure the shadow's outline in every photograph of a list.
 
     The list is a CSV file with the columns file and pressure (12.5 cm of the column, or 1.2 kPa), or file, left and right
@@ -68,22 +99,31 @@ def photos(
     Exit status: 0 all measured; 3 some refused, each with its reason; 2 the input cannot be used; 1 nothing measured.
     """
     try:
-        column = Column(
-            quantity(water_density, "kg/m^3"), quantity(density_error, "kg/m^3"), quantity(reading_error, "m")
-        )
-        listed = read_photos(listing, column)
+        options = Options.of(given)
+        listed = read_photos(listing, options.column)
         setup = Setup.from_file(setup_file)
-        width = None if body_width is None else _width(body_width)
     except (ColumnError, PhotoListError, SetupError, UnitError) as error:
-        _stop(str(error), UNUSABLE)
+        stop(str(error))
     # Of the photographs only the names: their contents are gigabytes. Whoever replaces one has another list to measure.
-    photographs = [photo.file for photo in listed]
-    asked = {"tone": tone, "column": column, "width": width, "photographs": [(f.name, *_stamp(f)) for f in photographs]}
+    files = [(photo.file.name, *_stamp(photo.file)) for photo in listed]
+    asked = {"tone": options.tone, "column": options.column, "width": options.width, "photographs": files}
     try:
         folder = open_folder(output, Path("outlines"), "outlines", asked, [listing, setup_file])
     except OwnFolderError as error:
-        _stop(str(error), UNUSABLE)
-    sys.exit(_run(listed, setup, folder, jobs or _cores(), tone, width, not no_pictures, quiet))
+        stop(str(error))
+    try:
+        setup, zero = with_zero(listed, setup, options.tone, options.width)
+    except SetupError as error:
+        stop(str(error))
+    except NoZero as error:
+        stop(str(error), FAILED if any(photo.is_zero for photo in listed) else UNUSABLE)
+    made = _measured(listed, setup, zero, folder, options)
+    if not options.quiet:
+        _report(made, folder.path, options.width)
+    for result in made.results:
+        if isinstance(result.outcome, Refusal):
+            click.echo(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
+    sys.exit(DONE if not made.refused else SOME_REFUSED if made.outlines else FAILED)
 
 
 def _stamp(file: Path) -> tuple[int, int]:
@@ -95,55 +135,54 @@ def _stamp(file: Path) -> tuple[int, int]:
     return state.st_size, state.st_mtime_ns
 
 
-def _run(
-    listed: list[Photograph], setup: Setup, folder: ResultFolder, jobs: int, tone: str,
-    width: tuple[float, float] | None, draw: bool, quiet: bool,
-) -> int:  # fmt: skip
-    try:
-        zeroed = with_zero(listed, setup, tone, width)
-    except SetupError as error:
-        _stop(str(error), UNUSABLE)
-    except NoZero as error:
-        _stop(str(error), UNUSABLE if not any(photo.is_zero for photo in listed) else FAILED)
-    setup, zero = zeroed
+def _measured(
+    listed: Sequence[Photograph], setup: Setup, zero: ZeroLine, folder: ResultFolder, options: Options
+) -> Measurement:
+    """Measure all and write the results."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True, quiet=options.quiet)
+    shown = Progress(console=console, disable=options.quiet or not console.is_terminal, transient=True)
     try:
         with folder.writing() as output:
-            edges = output / "edges"
-            if draw:
+            edges = output / "edges" if options.pictures else None
+            if edges is not None:
                 edges.mkdir()
-            results = _measure(listed, setup, zero, tone, jobs, edges if draw else None, quiet)
-            Measurement(tuple(results), setup, zero).write(output)
-            if draw:
-                _draw(output, results, setup, tone)
-    except OwnFolderError as error:
-        _stop(str(error), UNUSABLE)
-    except OSError as error:
-        _stop(f"the results cannot be written: {reason(error)}", status_of(error))
-    refused = [result for result in results if isinstance(result.outcome, Refusal)]
-    if not quiet:
-        for result in results:
-            click.echo(_line(result))
-        click.echo(_scale_words(setup, zero, width))
-        weak = sum(isinstance(result.outcome, Outline) and not result.outcome.trusted for result in results)
-        told = f", {weak} of them not trusted" if weak else ""
-        click.echo(f"{len(results) - len(refused)} of {len(results)} measured{told}; written to {folder.path}")
-        for result in results:
-            if result.name != result.photograph.file.stem and isinstance(result.outcome, Outline):
-                click.echo(
-                    f"{result.photograph.file.name}: its outline is {result.name}.csv, for its own name is taken"
+            with shown as bar:
+                task = bar.add_task("measuring", total=len(listed))
+                results = measure_all(
+                    listed, setup, zero, options.tone, options.jobs, edges, lambda result: bar.advance(task)
                 )
-    for result in refused:
-        assert isinstance(result.outcome, Refusal)
-        click.echo(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
-    return ALL_MEASURED if not refused else FAILED if len(refused) == len(results) else SOME_REFUSED
+            made = Measurement(tuple(results), setup, zero)
+            made.write(output)
+            if options.pictures:
+                _draw(output, made, options.tone)
+    except OwnFolderError as error:
+        stop(str(error))
+    except OSError as error:
+        stop(f"the results cannot be written: {reason(error)}", status_of(error))
+    return made
+
+
+def _report(made: Measurement, folder: Path, width: tuple[float, float] | None) -> None:
+    for result in made.results:
+        click.echo(_line(result))
+    click.echo(_scale_words(made.setup, made.zero, width))
+    weak = sum(not outline.trusted for outline in made.outlines)
+    remark = f", {weak} of them not trusted" if weak else ""
+    click.echo(f"{len(made.outlines)} of {len(made.results)} measured{remark}; written to {folder}")
+    for result in made.results:
+        file = result.photograph.file
+        if result.name != file.stem and isinstance(result.outcome, Outline):
+            click.echo(f"{file.name}: its outline is {result.name}.csv, for its own name is taken")
 
 
 def _width(text: str) -> tuple[float, float]:
-    value, _, error = text.replace("±", "+-").partition("+-")
-    width, spread = quantity(value, "m"), quantity(error, "m") if error else 0.0
-    if not (0.0 < width < np.inf and 0.0 <= spread < width):
+    width, error = with_error(text, length)
+    if not (0.0 < width < np.inf and 0.0 <= error < width):
         raise UnitError(f"--body-width must be a positive length, not {text}")
-    return width, spread
+    return width, error
 
 
 def _scale_words(setup: Setup, zero: ZeroLine, width: tuple[float, float] | None) -> str:
@@ -161,18 +200,6 @@ def _scale_words(setup: Setup, zero: ZeroLine, width: tuple[float, float] | None
     )
 
 
-def _measure(
-    listed: list[Photograph], setup: Setup, zero: ZeroLine, tone: str, jobs: int, edges: Path | None, quiet: bool
-) -> list[Result]:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True, quiet=quiet)
-    with Progress(console=console, disable=quiet or not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("measuring", total=len(listed))
-        return measure_all(listed, setup, zero, tone, jobs, edges, lambda result: bar.advance(task))
-
-
 def _line(result: Result) -> str:
     outcome, pressure = result.outcome, result.photograph.pressure
     if isinstance(outcome, Refusal):
@@ -182,77 +209,27 @@ def _line(result: Result) -> str:
     return f"{result.photograph.file.name}  {pressure:9.1f} Pa  {height}{remark}"
 
 
-def _draw(output: Path, results: list[Result], setup: Setup, tone: str) -> None:
+def _draw(output: Path, made: Measurement, tone: str) -> None:
     from measurement.edge.tracing import trace_image
     from measurement.series.overview import animate, draw_heights, draw_profiles, measured, write_overview
     from measurement.series.photo_pictures import draw_steps
 
-    outlines = measured(results)
+    outlines = measured(made.results)
     if outlines:
         draw_profiles(output / "profiles.png", outlines)
         draw_heights(output / "heights.png", outlines)
-        highest = max((r for r in results if isinstance(r.outcome, Outline)), key=lambda r: r.outcome.height)  # type: ignore[union-attr]
+        files = {result.outcome: result.photograph.file for result in made.results}
+        highest = max(made.outlines, key=lambda outline: outline.height)
         try:
-            image = read_photograph(highest.photograph.file)
-            assert isinstance(highest.outcome, Outline)
-            draw_steps(output / "steps.png", image, setup, trace_image(image, setup, tone), highest.outcome)
+            image = read_photograph(files[highest])
+            draw_steps(output / "steps.png", image, made.setup, trace_image(image, made.setup, tone), highest)
         except Unmeasurable as error:  # somebody changed the file meanwhile
-            click.echo(f"{highest.photograph.file.name}: no picture of its steps, {error}", err=True)
-        by_pressure = sorted(results, key=lambda result: result.photograph.pressure)
+            click.echo(f"{files[highest].name}: no picture of its steps, {error}", err=True)
+        by_pressure = sorted(made.results, key=lambda result: result.photograph.pressure)
         shown = [output / "edges" / f"{r.name}.png" for r in by_pressure if isinstance(r.outcome, Outline)]
         animate(output / "animation.gif", [file for file in shown if file.is_file()])
-    write_overview(output / "overview.html", results, output)
-
-
-@click.command()
-@click.option("-o", "--output", type=FolderType(), help="Folder for all of it.  [default: demo; demo-2 and so on where that "
-              "is taken]")  # fmt: skip
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
-    """Make a set of synthetic photographs, measure them, and say where the pictures are."""
-    from measurement.synthetic.demo import make_photographs
-
-    try:
-        place = open_place(output, Path("demo"), "demonstration of the measurement", DEMO)
-        photographs = open_folder(place / "photographs", place, "photographs", {})
-        with photographs.writing() as folder:
-            make_photographs(folder)
-        photographs.leave()
-    except OwnFolderError as error:
-        _stop(str(error), UNUSABLE)
-    except OSError as error:
-        _stop(f"the photographs cannot be written: {reason(error)}", status_of(error))
-    folder, setup_file, outlines = photographs.path, place / "setup.toml", place / "outlines"
-    words = [
-        ["setup", folder / "IMG_0100.JPG", "--grid-pitch", "9mm", "--lens", "none", "-o", setup_file],
-        ["photos", folder / "photos.csv", "--setup", setup_file, "-o", outlines],
-    ]
-    from measurement.cli.setup import setup
-
-    for command, (name, *rest) in zip((setup, photos), [list(map(str, line)) for line in words], strict=True):
-        if not quiet:
-            click.echo(f"$ python -m measurement {name} {' '.join(rest)}")
-        more = (["--jobs", str(jobs)] if jobs else []) + (["--quiet"] if quiet else []) if name == "photos" else []
-        status = _status(command, rest + more)
-        if status != 0:
-            sys.exit(status)
-    if not quiet:
-        click.echo(f"Look at {outlines / 'overview.html'}")
-
-
-def _status(command: click.Command, words: list[str]) -> int:
-    try:
-        command.main(words, standalone_mode=False)
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
+    write_overview(output / "overview.html", made.results, output)
 
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _stop(sentence: str, status: int) -> NoReturn:
-    click.echo(f"Error: {bounded(sentence)}", err=True)
-    sys.exit(status)

@@ -1,98 +1,29 @@
-"""The commands ``calibrate`` and ``setup``: a camera from chessboards, a setup from a photograph of the grid."""
+"""The command ``setup``: camera, screen and light from one photograph of the grid, of a board, or of known points."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import os
-import sys
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 import numpy as np
-import tomli_w
-from numpy.typing import NDArray
 
 from measurement.camera.camera import Camera, CameraError, frame_points
-from measurement.camera.lens import Exif, lens_profile, read_exif
-from measurement.cli import setup_texts as texts
-from measurement.ending import bounded
+from measurement.cli import option_texts as texts
+from measurement.cli.exits import UNUSABLE, check_place, stop, write_text
+from measurement.cli.lens_options import LensOptions
+from measurement.cli.plane_options import PlaneOptions
 from measurement.output_file import check_output_file, has_table, is_drawn
-from measurement.output_place import status_of, trouble
+from measurement.output_place import status_of
 from measurement.own_files import is_same
 from measurement.own_folder import OwnFolderError
 from measurement.reasons import reason
-from measurement.screen.boards import find_charuco, find_chessboard
-from measurement.screen.calibration import calibrate as calibrated
-from measurement.screen.grid import GridPoints, counted_from, find_grid
 from measurement.screen.grid_error import GridError
-from measurement.screen.known_points import plane_of_points, plane_of_scale
 from measurement.screen.overlay import draw_points, read_picture
 from measurement.screen.plane import Plane, PlaneError
 from measurement.screen.setup import Setup, SetupError
-from measurement.toml_file import TomlError, read_toml
-from measurement.units import UnitError, number
-
-UNUSABLE, UNMEASURED, SOME_REFUSED = 2, 1, 3
-"""Exit statuses: the input cannot be used; it can, but nothing could be measured in it; some photographs are left out."""
-
-LARGEST = 0.5
-"""Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
-
-REACHED = 0.9
-"""Share of the way to the frame's corners that the boards of a good calibration reach."""
-
-
-@click.command()
-@click.argument("photographs", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
-              help="Inner corners of the board (where four squares meet) in a row and in a column.")  # fmt: skip
-@click.option("--pitch", default="25mm", show_default=True, metavar="LENGTH", help="Side of a square.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("camera.toml"), show_default=True,
-              help="Camera file to write, for setup --lens.")  # fmt: skip
-def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: Path) -> None:
-    """Calibrate the camera from PHOTOGRAPHS of a flat chessboard.
-
-    Take ten or so with the focus and zoom of the measurement, the board tilted each time another way, and see to it that
-    together they fill the picture up to its corners. Photographs without the board are left out and named.
-
-    \b
-    Exit status: 0 done; 3 some photographs refused; 2 the input cannot be used; 1 nothing measured.
-    """
-    _check_place(output)
-    try:
-        check_output_file(output, photographs, lambda file: has_table("camera")(file) and not has_table("plane")(file),
-                          "the camera file", "-o")  # fmt: skip
-        made = calibrated(photographs, texts.pattern(pattern), texts.length(pitch))
-    except (OwnFolderError, UnitError, SetupError) as error:
-        _stop(str(error), UNUSABLE)
-    except CameraError as error:
-        _stop(str(error), UNMEASURED)
-    camera = made.camera
-    _write(
-        output, "# A camera; made by python -m measurement calibrate.\n" + tomli_w.dumps({"camera": camera.as_table()})
-    )
-    for path, rms in made.per_image.items():
-        click.echo(f"{path}: {rms:.2f} px")
-    for path, why in made.refused.items():
-        click.echo(f"{path}: refused, {why}", err=True)
-    click.echo(
-        f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
-        f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, their corners miss by "
-        f"{made.residual_px:.2f} px rms"
-    )
-    click.echo(
-        f"The lens is known to {camera.error_px:.2g} px where boards were seen, {camera.errors_px[-1]:.2g} px in the "
-        f"picture's corners; written to {output}"
-    )
-    if made.coverage < REACHED:
-        click.echo(
-            f"Boards reach {made.coverage:.0%} of the way from the middle to the corners; photographs with the board there "
-            "would tell the lens beyond",
-            err=True,
-        )
-    sys.exit(SOME_REFUSED if made.refused else 0)
+from measurement.units import UnitError
 
 
 @click.command()
@@ -140,44 +71,62 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
     Exit status: 0 done; 2 the input cannot be used, as where no grid is found; 1 failed.
     """
     for place in (output, overlay or output):
-        _check_place(place)
+        check_place(place)
     try:
         _check_given(given)
         shown = _places(photograph, output, overlay, given["lens"])
+        screen, lens, light = _of(PlaneOptions, given), _of(LensOptions, given), _of(LightOptions, given)
         picture = read_picture(photograph)
-        height, width = picture.shape[:2]
-        pitch = texts.length(given["grid_pitch"])
-        if not pitch > 0.0:
-            raise SetupError(f"--grid-pitch must be a positive length, not {given['grid_pitch']}")
-        if pitch > LARGEST:
-            raise SetupError(f"--grid-pitch {given['grid_pitch']} is no grid of this kind; write mm for millimetres")
-        camera = _camera(given["lens"], photograph, width, height, given["body"], given["focal"])
-        plane, grid = _plane(picture, camera, pitch, given)
-        size = texts.magnification(given["lamp_distance"], given["screen_distance"])
-        roi = None if given["roi"] is None else texts.numbers(given["roi"], 4, "--roi")
-        has_grid = grid is not None and given["target"] == "grid"
-        made = Setup(camera, plane, *size, roi=roi, grid_pitch=pitch if has_grid else None)  # type: ignore[arg-type]
-        if given["zero"] is not None:
-            ends = [texts.numbers(part, 2, "--zero") for part in given["zero"].split("=")]
-            made = dataclasses.replace(made, zero=made.to_metres(ends))
+        pitch = screen.pitch()
+        camera = lens.camera(photograph, picture.shape[1], picture.shape[0])
+        plane = screen.plane(picture, camera)
+        made = light.setup(camera, plane, pitch if screen.shows_grid else None)
     except GridError as error:
-        _stop(f"{photograph}: {error}", UNUSABLE)
+        stop(f"{photograph}: {error}")
     except (CameraError, OwnFolderError, PlaneError, SetupError, UnitError) as error:
-        _stop(str(error), UNUSABLE)
+        stop(str(error))
     try:
         draw_points(shown, picture, camera, plane)
     except (OSError, ValueError) as error:
         status = status_of(error) if isinstance(error, OSError) else UNUSABLE
-        _stop(f"the picture of the plane {shown} cannot be written: {reason(error)}", status)
-    _write(output, made.to_toml())
-    kind = "known points" if given["points"] else "crossings" if given["target"] == "grid" else "corners"
-    _report(made, None if given["scale"] else kind, f"written to {output} and {shown}")
+        stop(f"the picture of the plane {shown} cannot be written: {reason(error)}", status)
+    write_text(output, made.to_toml())
+    _report(made, screen.known, f"written to {output} and {shown}")
 
 
-def _check_place(path: Path) -> None:
-    """Stop before the work begins if a file cannot be written there."""
-    if why := trouble(path.parent):
-        _stop(f"{path} cannot be written: {why}", UNUSABLE)
+@dataclasses.dataclass(frozen=True)
+class LightOptions:
+    """Texts of the options about the shadow.
+
+    Attributes:
+        lamp_distance: From the lamp to the object; None for parallel light.
+        screen_distance: From the object to the screen; None for parallel light.
+        roi: Region of interest; None for all of the picture.
+        zero: Two pixels on the undeformed surface; None where a photograph shows it.
+    """
+
+    lamp_distance: str | None
+    screen_distance: str | None
+    roi: str | None
+    zero: str | None
+
+    def setup(self, camera: Camera, plane: Plane, grid_pitch: float | None) -> Setup:
+        """The setup with this camera, plane and pitch of the grid in m.
+
+        Raises:
+            SetupError, UnitError: A text that is not what it should be.
+        """
+        size = texts.magnification(self.lamp_distance, self.screen_distance)
+        roi = None if self.roi is None else texts.numbers(self.roi, 4, "--roi")
+        made = Setup(camera, plane, *size, roi=roi, grid_pitch=grid_pitch)  # type: ignore[arg-type]
+        if self.zero is None:
+            return made
+        ends = [texts.numbers(part, 2, "--zero") for part in self.zero.split("=")]
+        return dataclasses.replace(made, zero=made.to_metres(ends))
+
+
+def _of[Options](kind: type[Options], given: dict[str, Any]) -> Options:
+    return kind(**{field.name: given[field.name] for field in dataclasses.fields(kind)})  # type: ignore[arg-type]
 
 
 def _check_given(given: dict[str, Any]) -> None:
@@ -223,33 +172,6 @@ def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> 
     return overlay
 
 
-def _plane(
-    picture: NDArray[np.uint8], camera: Camera, pitch: float, given: dict[str, Any]
-) -> tuple[Plane, GridPoints | None]:
-    place = None if given["origin"] is None else texts.numbers(given["origin"], 2, "--origin")
-    origin = (place[0], place[1]) if place else None
-    if given["scale"] is not None and given["points"]:
-        raise SetupError("give --point or --scale, not both")
-    if given["scale"] is not None:
-        scale, _, error = given["scale"].replace("±", "+-").partition("+-")
-        return plane_of_scale(camera, texts.per_metre(scale), texts.per_metre(error) if error else 0.0, origin), None
-    if given["points"]:
-        pairs = [texts.known_point(text) for text in given["points"]]
-        px, metres = (np.array(part, dtype=float) for part in zip(*pairs, strict=True))
-        return plane_of_points(camera, px, metres), None
-    if given["target"] == "grid":
-        grid = find_grid(picture, camera, pitch, origin)
-    else:
-        columns, rows = texts.pattern(given["pattern"])
-        if given["target"] == "chessboard":
-            grid = find_chessboard(picture, (columns, rows), camera)
-        else:
-            squares = (columns + 1, rows + 1)
-            grid = find_charuco(picture, squares, number(given["marker_share"]), given["dictionary"], camera)
-        grid = counted_from(grid, camera, pitch, origin)
-    return grid.plane(camera), grid
-
-
 def _report(made: Setup, kind: str | None, written: str) -> None:
     camera, plane = made.camera, made.plane
     raw = frame_points(camera.width, camera.height)
@@ -264,58 +186,3 @@ def _report(made: Setup, kind: str | None, written: str) -> None:
     else:
         click.echo(f"{len(plane.points)} {kind} miss the plane by {plane.residual * 1e6:.2f} um rms")
     click.echo(f"Places in the picture are known to {error * 1e6:.2g} um rms; {written}")
-
-
-def _camera(lens: str, photograph: Path, width: int, height: int, body: str | None, focal: str | None) -> Camera:
-    length = None if focal is None else texts.length(focal) * 1e3
-    if lens == "none":
-        return Camera.ideal(width, height)
-    if lens.endswith(".toml"):
-        camera = _camera_file(Path(lens))
-        if (camera.width, camera.height) != (width, height):
-            raise CameraError(
-                f"{lens} is for pictures of {camera.width} x {camera.height} px, {photograph} has {width} x {height}; "
-                "calibrate with the same settings"
-            )
-        return camera
-    names = _names(photograph, body)
-    if lens.endswith(".xml"):
-        return lens_profile(names, width, height, focal_mm=length, database=Path(lens))
-    return lens_profile(names, width, height, lens=None if lens == "auto" else lens, focal_mm=length)
-
-
-def _names(photograph: Path, body: str | None) -> Exif:
-    try:
-        told = read_exif(photograph)
-    except CameraError as error:
-        if body is None:
-            raise CameraError(f"{error}, or use --lens none") from None
-        return Exif("", body, "")
-    return told if body is None else Exif("", body, told.lens, told.focal_mm)
-
-
-def _camera_file(path: Path) -> Camera:
-    try:
-        table = read_toml(path)
-    except TomlError as error:
-        raise CameraError(f"the camera {path} {error}") from None
-    if not isinstance(table.get("camera"), dict):
-        raise CameraError(f"{path} holds no camera; make it with python -m measurement calibrate")
-    return Camera.from_table(table["camera"])
-
-
-def _write(path: Path, text: str) -> None:
-    """Write all of a file or nothing, whatever happens in between."""
-    whole = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        whole.write_text(text, encoding="utf-8")
-        whole.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            whole.unlink(missing_ok=True)
-        _stop(f"{path} cannot be written: {reason(error)}", status_of(error))
-
-
-def _stop(sentence: str, status: int) -> NoReturn:
-    click.echo(f"Error: {bounded(sentence)}", err=True)
-    sys.exit(status)

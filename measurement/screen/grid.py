@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from measurement.camera.camera import Camera, Points
+from measurement.screen.grid_crossings import measure_crossings
 from measurement.screen.grid_error import FEWEST, GridError
+from measurement.screen.grid_lattice import count_lines
+from measurement.screen.grid_lines import find_lines
 from measurement.screen.plane import Plane, PlaneError
 
 WORST_SHARE = 0.005
@@ -92,11 +95,6 @@ def find_grid(
     Raises:
         GridError: No grid, too few crossings, a residual too large, or more than one way to read the lines.
     """
-    # Imported here because these modules raise this one's error.
-    from measurement.screen.grid_crossings import measure_crossings
-    from measurement.screen.grid_lattice import count_lines
-    from measurement.screen.grid_lines import find_lines
-
     if not pitch > 0.0:
         raise GridError("the pitch of the grid must be a positive length")
     gray = gray_bytes(image)

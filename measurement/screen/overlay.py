@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from PIL.PngImagePlugin import PngInfo
 from measurement.camera.camera import Camera, CameraError, Points
 from measurement.camera.picture_file import PictureError, read_pixels
 from measurement.output_file import MARK
+from measurement.own_files import replaced_whole
 from measurement.screen.plane import Plane
 
 LONGEST = 2000
@@ -65,10 +65,6 @@ def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: P
         cv2.circle(canvas, (int(x), int(y)), radius * 16, POINT, thick, cv2.LINE_AA, shift=4)
     texts = PngInfo()
     texts.add_text("Software", MARK)  # by which a later setup knows that it may replace the picture
-    whole = path.with_name(f".{os.getpid()}-{path.name}")
-    try:
-        more: dict[str, Any] = {"pnginfo": texts} if path.suffix.lower() == ".png" else {}
-        Image.fromarray(canvas).save(whole, **more)
-        whole.replace(path)
-    finally:
-        whole.unlink(missing_ok=True)
+    more: dict[str, Any] = {"pnginfo": texts} if path.suffix.lower() == ".png" else {}
+    with replaced_whole(path) as aside:
+        Image.fromarray(canvas).save(aside, **more)

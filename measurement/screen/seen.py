@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from measurement.camera.camera import Camera
@@ -38,13 +38,6 @@ def setup_from_grid(
     picture = read_picture(Path(photograph))
     height, width = picture.shape[:2]
     seen = camera or Camera.ideal(width, height)
-    grid = find_grid(picture, seen, pitch, None)
-    size, error = magnification
-    made = Setup(seen, grid.plane(seen), size, error, grid_pitch=pitch)
-    return (
-        made
-        if zero is None
-        else Setup(
-            seen, grid.plane(seen), size, error, zero=made.to_metres(np.asarray(zero, dtype=float)), grid_pitch=pitch
-        )
-    )
+    grid = find_grid(picture, seen, pitch)
+    made = Setup(seen, grid.plane(seen), *magnification, grid_pitch=pitch)
+    return made if zero is None else dataclasses.replace(made, zero=made.to_metres(zero))

@@ -270,7 +270,7 @@ def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | N
     Args:
         path: File to write.
         image: Red, green, blue.
-        exif: Any of ``maker``, ``camera``, ``lens``, ``focal_mm``, ``aperture``.
+        exif: Any of ``maker``, ``camera``, ``lens``, ``focal_mm``.
         quality: Quality of a JPEG file.
     """
     tags = Files.Exif()
@@ -280,7 +280,6 @@ def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | N
         "camera": (tags, ExifTags.Base.Model),
         "lens": (body, ExifTags.Base.LensModel),
         "focal_mm": (body, ExifTags.Base.FocalLength),
-        "aperture": (body, ExifTags.Base.FNumber),
     }
     for name, value in (exif or {}).items():
         if name not in places:

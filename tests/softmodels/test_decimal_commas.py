@@ -11,7 +11,7 @@ from geometries import HollowDisk
 from geometries.errors import GeometryError
 from geometries.selections import faces, point
 from measurement.__main__ import main as measure
-from measurement.cli.setup_texts import per_metre
+from measurement.cli.option_texts import per_metre
 from measurement.screen.setup import SetupError
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case, CaseError

@@ -16,7 +16,7 @@ import pytest
 from geometries import HollowDisk
 from geometries.__main__ import main as geometries
 from measurement.__main__ import main as measurement
-from measurement.cli import photos as commands_photos
+from measurement.cli import demo as measurement_demo
 from measurement.own_folder import OwnFolderError
 from measurement.synthetic.photographer import dome
 from softmodels import disk, seminar
@@ -117,7 +117,7 @@ def test_the_two_demonstrations_take_folders_of_their_own(monkeypatch, capsys):
         taken.append(default)
         raise OwnFolderError("noted")
 
-    for module in (demo, commands_photos):
+    for module in (demo, measurement_demo):
         monkeypatch.setattr(module, "open_place", refuse)
         with contextlib.suppress(SystemExit, click.ClickException):
             module.demo.main([], standalone_mode=False)

@@ -14,7 +14,6 @@ LINES, FUNCTION_LINES, PARAMETERS, ENTRIES = 300, 60, 7, 15
 PACKAGES = [Path(package.__file__).parent for package in (softmodels, measurement, geometries)]
 
 LONG_FILES = {
-    "measurement/cli/setup.py",
     "measurement/edge/tracing.py",
     "measurement/own_folder.py",
     "measurement/synthetic/bench.py",
@@ -26,9 +25,6 @@ LONG_FUNCTIONS = {
     "measurement/series/photo.py: outline_of",
 }
 MANY_PARAMETERS = {
-    "measurement/camera/lens.py: lens_profile",
-    "measurement/cli/photos.py: _run",
-    "measurement/cli/photos.py: photos",
     "measurement/edge/edge.py: _fit",
     "measurement/screen/grid_crossings.py: _profiles",
 }

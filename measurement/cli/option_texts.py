@@ -1,4 +1,4 @@
-"""Texts of the setup command's options as numbers.
+"""Texts of the commands' options as numbers.
 
 Each function raises `SetupError` or `UnitError` for a text that is none.
 """
@@ -6,6 +6,7 @@ Each function raises `SetupError` or `UnitError` for a text that is none.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from measurement.screen.setup import SetupError
 from measurement.screen.setup import magnification as factor_of
@@ -18,14 +19,14 @@ def magnification(lamp: str | None, screen: str | None) -> tuple[float, float]:
         return 1.0, 0.0
     if lamp is None or screen is None:
         raise SetupError("give both --lamp-distance and --screen-distance, or none of them")
-    (far, far_error), (near, near_error) = (with_error(text) for text in (lamp, screen))
+    (far, far_error), (near, near_error) = (with_error(text, length) for text in (lamp, screen))
     return factor_of(far, near, far_error, near_error)
 
 
-def with_error(text: str) -> tuple[float, float]:
-    """A length and its standard error in m, from "2m+-5cm"."""
+def with_error(text: str, read: Callable[[str], float]) -> tuple[float, float]:
+    """A value and its standard error from a text like "2m+-5cm", each read by itself; the error is 0 where none is given."""
     value, _, error = text.replace("±", "+-").partition("+-")
-    return length(value), length(error) if error else 0.0
+    return read(value), read(error) if error else 0.0
 
 
 def known_point(text: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -1,0 +1,71 @@
+"""The command ``calibrate``: a camera from photographs of a chessboard."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+import tomli_w
+
+from measurement.camera.camera import CameraError
+from measurement.cli import option_texts as texts
+from measurement.cli.exits import DONE, FAILED, SOME_REFUSED, check_place, stop, write_text
+from measurement.output_file import check_output_file, has_table
+from measurement.own_folder import OwnFolderError
+from measurement.screen.calibration import calibrate as calibrated
+from measurement.screen.setup import SetupError
+from measurement.units import UnitError
+
+REACHED = 0.9
+"""Share of the way to the frame's corners that the boards of a good calibration reach."""
+
+
+@click.command()
+@click.argument("photographs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
+              help="Inner corners of the board (where four squares meet) in a row and in a column.")  # fmt: skip
+@click.option("--pitch", default="25mm", show_default=True, metavar="LENGTH", help="Side of a square.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("camera.toml"), show_default=True,
+              help="Camera file to write, for setup --lens.")  # fmt: skip
+def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: Path) -> None:
+    """Calibrate the camera from PHOTOGRAPHS of a flat chessboard.
+
+    Take ten or so with the focus and zoom of the measurement, the board tilted each time another way, and see to it that
+    together they fill the picture up to its corners. Photographs without the board are left out and named.
+
+    \b
+    Exit status: 0 done; 3 some photographs refused; 2 the input cannot be used; 1 nothing measured.
+    """
+    check_place(output)
+    try:
+        check_output_file(output, photographs, lambda file: has_table("camera")(file) and not has_table("plane")(file),
+                          "the camera file", "-o")  # fmt: skip
+        made = calibrated(photographs, texts.pattern(pattern), texts.length(pitch))
+    except (OwnFolderError, UnitError, SetupError) as error:
+        stop(str(error))
+    except CameraError as error:
+        stop(str(error), FAILED)
+    camera = made.camera
+    table = tomli_w.dumps({"camera": camera.as_table()})
+    write_text(output, f"# A camera; made by python -m measurement calibrate.\n{table}")
+    for path, rms in made.per_image.items():
+        click.echo(f"{path}: {rms:.2f} px")
+    for path, why in made.refused.items():
+        click.echo(f"{path}: refused, {why}", err=True)
+    click.echo(
+        f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
+        f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, their corners miss by "
+        f"{made.residual_px:.2f} px rms"
+    )
+    click.echo(
+        f"The lens is known to {camera.error_px:.2g} px where boards were seen, {camera.errors_px[-1]:.2g} px in the "
+        f"picture's corners; written to {output}"
+    )
+    if made.coverage < REACHED:
+        click.echo(
+            f"Boards reach {made.coverage:.0%} of the way from the middle to the corners; photographs with the board there "
+            "would tell the lens beyond",
+            err=True,
+        )
+    sys.exit(SOME_REFUSED if made.refused else DONE)
