@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from geometries.designable import Designable
 from geometries.errors import GeometryError, MeshingError
 from geometries.fields import settle
 from geometries.mirroring import Mirror
@@ -59,7 +60,7 @@ class Hold:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Actuator(ABC):
+class Actuator(Designable, ABC):
     """A soft body around one air-filled cavity.
 
     Subclasses are frozen dataclasses whose fields come from `geometries.fields`.

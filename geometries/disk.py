@@ -55,15 +55,18 @@ class HollowDisk(Actuator):
     base_fillet: float = length_field(
         0.001, "radius of the rounding at the edge of the cavity's floor; 0 for none", zero=True
     )
-    cell_size: float = length_field(0.003, "edge length of the cells far from the membrane's root")
-    refinement: float = number_field(2.0, "how many times smaller the cells at the membrane's root are")
+    cell_size: float = length_field(0.003, "edge length of the cells far from the membrane's root", shape=False)
+    refinement: float = number_field(2.0, "how many times smaller the cells at the membrane's root are", shape=False)
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
     section: str = choice_field("wedge", ("wedge", "axisymmetric"), "solid slice, or profile in radius and height")
     angle: float = angle_field(
-        45.0, "angle of the wedge; divides 360 deg evenly (180 half, 360 full disk)", unless=("section", "axisymmetric")
+        45.0,
+        "angle of the wedge; divides 360 deg evenly (180 half, 360 full disk)",
+        unless=("section", "axisymmetric"),
+        shape=False,
     )
     azimuth: float = angle_field(
-        0.0, "where the wedge begins, counted from the x axis", unless=("section", "axisymmetric")
+        0.0, "where the wedge begins, counted from the x axis", unless=("section", "axisymmetric"), shape=False
     )
     support: str = choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
 

@@ -29,6 +29,7 @@ class About:
         key: Its name in settings files; the field's if empty.
         option: Its name on command lines; the key if empty.
         per_option: Value in the file's unit of an option's 1, where the two are counted in different units.
+        shape: Whether it decides a device's shape, so that a design may vary it; cell sizes and the like do not.
     """
 
     kind: Kind
@@ -37,6 +38,7 @@ class About:
     key: str = ""
     option: str = ""
     per_option: float = 1.0
+    shape: bool = True
 
 
 def field_of(kind: Kind, text: str, default: Any = dataclasses.MISSING, **more: Any) -> Any:
@@ -49,25 +51,26 @@ def about(thing: Any) -> Mapping[str, About]:
     return {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
 
 
-def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False) -> Any:
-    """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones."""
-    return field_of(Length(zero=zero, signed=signed), text, default)
+def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False, shape: bool = True) -> Any:
+    """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones; see `About.shape`."""
+    return field_of(Length(zero=zero, signed=signed), text, default, shape=shape)
 
 
-def angle_field(default: float, text: str, *, unless: tuple[str, str] | None = None) -> Any:
+def angle_field(default: float, text: str, *, unless: tuple[str, str] | None = None, shape: bool = True) -> Any:
     """Return a dataclass field for an angle in degrees.
 
     Args:
         default: Its value if not given.
         text: What it is.
         unless: Name and value of another field with which it means nothing.
+        shape: See `About`.
     """
-    return field_of(Quantity("degree"), text, default, unless=unless)
+    return field_of(Quantity("degree"), text, default, unless=unless, shape=shape)
 
 
-def number_field(default: float, text: str) -> Any:
-    """Return a dataclass field for a pure number."""
-    return field_of(Quantity(), text, default)
+def number_field(default: float, text: str, *, shape: bool = True) -> Any:
+    """Return a dataclass field for a pure number; see `About.shape`."""
+    return field_of(Quantity(), text, default, shape=shape)
 
 
 def choice_field(default: str | int, choices: tuple[str | int, ...], text: str) -> Any:
@@ -80,9 +83,11 @@ def text_field(default: str, text: str) -> Any:
     return field_of(Words(), text, default)
 
 
-def list_field(default: tuple[str, ...] | tuple[float, ...], text: str, *, numbers: bool = False) -> Any:
-    """Return a dataclass field for any number of texts, or of pure numbers."""
-    return field_of(Several(Quantity() if numbers else Words()), text, default)
+def list_field(
+    default: tuple[str, ...] | tuple[float, ...], text: str, *, numbers: bool = False, shape: bool = True
+) -> Any:
+    """Return a dataclass field for any number of texts, or of pure numbers; see `About.shape`."""
+    return field_of(Several(Quantity() if numbers else Words()), text, default, shape=shape)
 
 
 def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:

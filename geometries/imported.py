@@ -45,14 +45,14 @@ class ImportedActuator(Actuator):
         (), "symmetry planes through the origin where the part is cut, such as 'y = 0 mm' or 'normal 1, -1, 0'"
     )
     pressure_ratios: tuple[float, ...] = list_field(
-        (), "pressure in each cavity over the requested one; all 1 if not given", numbers=True
+        (), "pressure in each cavity over the requested one; all 1 if not given", numbers=True, shape=False
     )
     gauge_point: str = text_field(
         "", "corner whose motion is told, such as 'at 70, 0, 4 mm'; the farthest if not given"
     )
     rise: str = choice_field("z", ("x", "y", "z"), "direction in which that motion is counted")
-    cell_size: float = length_field(0.003, "longest edge of the cells")
-    curvature: float = number_field(10.0, "cells around a full circle")
+    cell_size: float = length_field(0.003, "longest edge of the cells", shape=False)
+    curvature: float = number_field(10.0, "cells around a full circle", shape=False)
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
 
     stem: ClassVar = "part"

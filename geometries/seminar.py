@@ -65,9 +65,11 @@ class SeminarActuator(Actuator):
         -0.001, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
     )
     edge: float = length_field(0.004, "solid between the channels' ends and the slab's sides")
-    least_wall: float = length_field(0.0005, "thinnest solid allowed between channels and faces, and between channels")
-    cell_size: float = length_field(0.005, "edge length of the cells far from the channels")
-    around: float = number_field(10.0, "cells around a channel's section")
+    least_wall: float = length_field(
+        0.0005, "thinnest solid allowed between channels and faces, and between channels", shape=False
+    )
+    cell_size: float = length_field(0.005, "edge length of the cells far from the channels", shape=False)
+    around: float = number_field(10.0, "cells around a channel's section", shape=False)
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
     part: str = choice_field("half", ("half", "full"), "half up to the mirror plane, or the full slab")
     tip: str = choice_field("free", ("free", "held"), "tip free to move, or its rounding held along z (blocked force)")
