@@ -19,6 +19,8 @@ from measurement.lazy_names import lazy_names
 __version__ = "0.1.0"
 
 _PLACES = {
+    "measurement.folder_lock": ("InUseError",),
+    "measurement.own_folder": ("OwnFolderError",),
     "geometries": (
         "HollowDisk",
         "SeminarActuator",
@@ -57,6 +59,8 @@ if TYPE_CHECKING:
     from geometries import MeshFileError as MeshFileError
     from geometries import MeshingError as MeshingError
     from geometries import SeminarActuator as SeminarActuator
+    from measurement.folder_lock import InUseError as InUseError
+    from measurement.own_folder import OwnFolderError as OwnFolderError
     from softmodels.case.case import Case as Case
     from softmodels.case.case import CaseError as CaseError
     from softmodels.fitting.curves.fit_curves import fit_curves as fit_curves

@@ -101,6 +101,19 @@ class Load:
         if not 100.0 <= self.water_density <= 20000.0:
             raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
 
+    def check_branch(self) -> None:
+        """Refuse a load under which no branch can be followed.
+
+        Raises:
+            CaseError: A program or a cycle.
+        """
+        if self.program:
+            raise CaseError("--branch does not follow a series for each cavity; leave one of them out")
+        if self.cycle:
+            raise CaseError(
+                "--branch leaves the path where it bifurcates and --cycle jumps there; leave one of them out"
+            )
+
     def _check_supply(self, actuator: Actuator) -> None:
         if bool(self.strokes_ml) != (self.supply is not None):
             raise CaseError("a syringe (--supply syringe) and its strokes (--stroke-ml) belong together")

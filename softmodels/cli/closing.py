@@ -19,7 +19,7 @@ from softmodels.results.row import Row
 from softmodels.results.stability_report import stability_text
 from softmodels.results.store import Results
 from softmodels.results.terms import split
-from softmodels.runs.gathering import branch_rows, gather
+from softmodels.runs.gathering import branch_rows, gather, not_gathered
 
 
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
@@ -36,10 +36,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
                 took = _draw(case, results)
         except (OSError, OwnFolderError) as error:
             status = status or FAILED
-            message = message or (
-                f"the steps could not be gathered in one file ({getattr(error, 'strerror', None) or error}); "
-                "make room and run again with --resume"
-            )
+            message = message or not_gathered(error)
     if message:
         states = "1 state" if len(stored) == 1 else f"{len(stored)} states"
         where = (

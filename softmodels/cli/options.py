@@ -125,12 +125,8 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
     try:
         ready = case()
         _check_words(how.petsc)
-        if how.branch and ready.program:
-            raise CaseError("--branch does not follow a series for each cavity; leave one of them out")
-        if how.branch and ready.cycle:
-            raise CaseError(
-                "--branch leaves the path where it bifurcates and --cycle jumps there; leave one of them out"
-            )
+        if how.branch:
+            ready.load.check_branch()
     except INPUT_ERRORS as error:
         fail(str(error))
     with stoppable("softmodels", speaks):

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, TypedDict, Unpack
 from geometries import GeometryError, MeshFileError, MeshingError
 from measurement.ending import bounded
 from measurement.folder_lock import InUseError
-from measurement.output_place import FULL
 from measurement.own_folder import OwnFolderError
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import GaugeError
@@ -25,13 +24,14 @@ from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_MEMORY, RunError
 from softmodels.results.store import Results, ResultsError
-from softmodels.runs.folder import begin
+from softmodels.runs.failures import unwritten
+from softmodels.runs.folder import begin_together
 from softmodels.runs.progress import Progress
 from softmodels.runs.recording import record
 from softmodels.runs.simulation import Simulation
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    pass
 
 
 def _nobody() -> contextlib.AbstractContextManager[Callable[[], bool]]:
@@ -84,7 +84,9 @@ def run(case: Case, folder: Path | None, **how: Unpack[How]) -> int:
     status, message = DONE, ""
     try:
         with progress, how.get("interrupts", _nobody)() as stopped:
-            results, resumed = _begin(case, folder, how, comm)
+            results, resumed = begin_together(
+                case, folder, how.get("resume", False), comm, draw=draw, inputs=how.get("inputs", ())
+            )
             progress.say(f"results go to {results.own.path}")
             record(Simulation(case, comm, progress, stopped), results, resumed, how.get("branch", False))
     except BaseException as error:  # a caller's Ctrl-C among them
@@ -126,27 +128,10 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
                 else (FAILED, f"PETSc stopped ({reason}); {more}")
             )
         case OSError():
-            advice = "make room for them" if error.errno in FULL else "see that they can"
-            return FAILED, f"{_unwritten(error)}; {advice} and go on with --resume"
+            return FAILED, unwritten(error)
         case MemoryError():
             return FAILED, NO_MEMORY
     return None
-
-
-def _begin(case: Case, folder: Path | None, how: How, comm: MPI.Comm) -> tuple[Results, bool]:
-    """The results on every rank (rank 0 alone writes them), and whether there are states to go on from."""
-    begun: list[Results] = []
-
-    def on_rank_0() -> tuple[Path, Path, bool]:
-        resume, draw = how.get("resume", False), how.get("draw", True)
-        results, resumed = begin(case, folder, resume, draw, how.get("inputs", ()))
-        begun.append(results)
-        return results.own.path, results.folder, resumed
-
-    home, at, resumed = on_root(comm, on_rank_0)
-    results = begun[0] if begun else Results(home, case.name, case.actuator.gauge)
-    results.folder = at
-    return results, resumed
 
 
 def _end(case: Case, results: Results | None, status: int, message: str, quiet: bool, draw: bool) -> int:
@@ -158,8 +143,3 @@ def _end(case: Case, results: Results | None, status: int, message: str, quiet: 
         return close(case, results, status, message, quiet, draw)
     finally:
         results.own.leave()
-
-
-def _unwritten(error: OSError) -> str:
-    place = f" into {Path(error.filename).parent}" if isinstance(error.filename, str) else ""
-    return f"the results cannot be written{place} ({error.strerror or error})"

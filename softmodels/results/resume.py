@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from softmodels.case.case import Case
 from softmodels.case.identity import difference
@@ -17,6 +18,8 @@ from softmodels.path.schedule import Stop, goes_on
 from softmodels.results.columns import cavity_columns
 from softmodels.results.outcomes import BAD_INPUT, RunError
 from softmodels.results.store import Results
+
+Array = npt.NDArray[np.float64]
 
 
 def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
@@ -112,11 +115,18 @@ def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
     limits = [i for i, record in enumerate(records) if record["limit"]][:1]
     turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
     chosen = sorted({*limits, *turns, factorised, *solved[-2:], *branching})
-    return [_stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
+    return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def _stored_point(
-    results: Results, fields: Any, comm: Any, step: int, restart: Mapping[str, Any], branching: bool
+class Stored(Protocol):
+    """Where the fields of stored steps are, such as a `Results`."""
+
+    def has(self, step: int, names: Sequence[str]) -> bool: ...
+    def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]: ...
+
+
+def stored_point(
+    results: Stored, fields: Any, comm: Any, step: int, restart: Mapping[str, Any], branching: bool
 ) -> Any:
     """The point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
     from softmodels.mechanics.solver import Tangent
@@ -136,7 +146,7 @@ def _stored_point(
     return Point(state, Tangent(rate, *direction), signature=signature, mode=mode, **record)
 
 
-def stored_state(results: Results, fields: Any, comm: Any, step: int, P: float, V: float) -> tuple[Any, Any]:
+def stored_state(results: Stored, fields: Any, comm: Any, step: int, P: float, V: float) -> tuple[Any, Any]:
     """A stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
     from softmodels.mechanics.system import State
     from softmodels.results.state_dofs import RAW

@@ -4,33 +4,49 @@ from __future__ import annotations
 
 import contextlib
 import json
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TypedDict, Unpack
 
 from geometries import Actuator
-from softmodels.case.case import Case
+from softmodels.case.case import Case, CaseError
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
-from softmodels.mechanics.mpi import is_root, on_root, petsc_reason, start
+from softmodels.mechanics.mpi import is_root, start
 from softmodels.mechanics.sheet import Sheet
 from softmodels.results.limits import Limit, find_limit
-from softmodels.results.outcomes import NO_MEMORY, RunError
+from softmodels.results.outcomes import RunError
 from softmodels.results.row import Row
+from softmodels.runs.failures import sentences
+from softmodels.runs.keeping import Place, run_of, solve_in_memory, solve_into
 from softmodels.runs.progress import Progress
 from softmodels.runs.requests import Options, Values, case_of
 from softmodels.runs.run import Ended, Run
 from softmodels.runs.simulation import Simulation
-from softmodels.runs.states import InFolder, InMemory
 from softmodels.runs.step import Listener, Silent
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 type Told = bool | Callable[[Row], object] | None
 """Who is told of each state: nobody, the terminal (True), or a function that gets its row of ``path.csv``."""
+
+
+class How(TypedDict, total=False):
+    """How a case is run; nothing of it changes a number.
+
+    Attributes:
+        progress: True for a bar on the terminal; or a function that is called with the row of each state.
+        folder: Write every state there as soon as it is solved, as the command line does; without it they stay in memory.
+        resume: Go on from what an interrupted run of the same case has left in the folder.
+        branch: Follow the branch that leaves the path at its first bifurcation too, into `Run.branch`.
+    """
+
+    progress: Told
+    folder: str | Path | None
+    resume: bool
+    branch: bool
+
+
+class InflateOptions(Options, How, total=False):
+    """What `inflate` takes beside device, material and load."""
 
 
 def inflate(
@@ -38,8 +54,7 @@ def inflate(
     material: Material,
     pressures: Values | None = None,
     volumes: Values | None = None,
-    progress: Told = None,
-    **options: Unpack[Options],
+    **options: Unpack[InflateOptions],
 ) -> Run:
     """Inflate a device, and return its load path.
 
@@ -49,30 +64,62 @@ def inflate(
         pressures: Pressures to stop at, rising: ``"0:177 cm"`` (from, to, in steps that the solver chooses), ``"0:17:1 kPa"``,
             ``"0,70,130 cm"``, or numbers in Pa.
         volumes: The same of added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
-        progress: True for a bar on the terminal; or a function that is called with the row of each state.
-        options: ``strokes`` (``"0:20 ml"`` or m3) with ``supply``, a `Syringe`; and of a `Case` ``control``,
-            ``formulation``, ``sheet``, ``obstacle``, ``cycle``, ``program``, ``gauges``, ``water_density``, ``name``.
+        options: ``strokes`` (``"0:20 ml"`` or m3) with ``supply``, such as a `Syringe`; of a `Case` ``control``,
+            ``formulation``, ``sheet``, ``obstacle``, ``cycle``, ``program``, ``gauges``, ``water_density``, ``name``; and
+            ``progress``, ``folder``, ``resume``, ``branch`` as of `run`.
 
     Returns:
         The run. A path that ends before the last requested value comes back with its end in `Run.limit`.
 
     Raises:
         CaseError, MaterialError, GeometryError: What cannot be meant.
-        RunError: No state under load was found.
+        RunError: No state under load was found; with a folder, also that it cannot be written.
         MeshingError, MeshFileError: The device cannot be meshed.
+        OwnFolderError, InUseError, ResultsError: The folder is somebody else's, in use, or of another run.
         StartError: MPI or PETSc cannot be started.
     """
-    return run(case_of(device, material, pressures, volumes, **options), progress=progress)
+    how: How = {key: options.pop(key) for key in How.__annotations__ if key in options}  # type: ignore[misc, assignment]
+    return run(case_of(device, material, pressures, volumes, **options), **how)  # type: ignore[misc]
 
 
-def run(case: Case | str | Path, *, progress: Told = None) -> Run:
-    """Run a case, or a case file; see `inflate`."""
+def run(
+    case: Case | str | Path,
+    *,
+    progress: Told = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    branch: bool = False,
+) -> Run:
+    """Run a case, or a case file.
+
+    Args:
+        case: The case, or its file.
+        progress: True for a bar on the terminal; or a function that is called with the row of each state.
+        folder: Write every state there as soon as it is solved: a folder that is empty, not there, or an earlier run's, whose
+            files are replaced once the first state is there. A run that is killed leaves its states readable. None keeps
+            them in memory.
+        resume: Go on from what an interrupted run of the same case has left in the folder; from rest if there is nothing.
+        branch: Follow the branch that leaves the path at its first bifurcation too, into `Run.branch`.
+
+    Returns:
+        The run; see `inflate`, also for what is raised.
+    """
+    file = None if isinstance(case, Case) else Path(case)
     whole = case if isinstance(case, Case) else Case.from_file(Path(case))
+    if branch:
+        whole.load.check_branch()
+    if resume and folder is None:
+        raise CaseError("a run is gone on with in its folder; give it, or leave out --resume")
     comm = start()
-    if progress is True:
-        with Progress(whole.values[-1], whole.unit, whole.actuator.gauge, not is_root(comm)) as bar:
-            return _solve(whole, comm, bar)
-    return _solve(whole, comm, _Each(progress) if callable(progress) else Silent())
+    with contextlib.ExitStack() as stack:
+        listener: Listener = _Each(progress) if callable(progress) else Silent()
+        if progress is True:
+            bar = Progress(whole.values[-1], whole.unit, whole.actuator.gauge, not is_root(comm))
+            listener = stack.enter_context(bar)
+        simulation = Simulation(whole, comm, listener)
+        if folder is None:
+            return solve_in_memory(simulation, branch)
+        return solve_into(Place(Path(folder), resume, () if file is None else (file,)), simulation, branch)
 
 
 class _Each(Silent):
@@ -85,52 +132,6 @@ class _Each(Silent):
         self.told(row)
 
 
-def _solve(case: Case, comm: MPI.Comm, listener: Listener) -> Run:
-    simulation, ended = Simulation(case, comm, listener), Ended()
-    states: InMemory | None = None
-    try:
-        with _sentences(), _folder(comm) as folder:
-            mesh = folder / f"{case.name}.msh"
-            simulation.write_mesh(mesh)
-            simulation.prepare(mesh)
-            states = InMemory(simulation, mesh)
-            for step in simulation.steps():
-                states.add(step)
-    except RunError as error:
-        if states is None or not any(row["pressure_Pa"] or row["added_volume_ml"] for row in states.rows):
-            raise
-        ended = Ended(error.status, str(error))
-    finally:
-        simulation.release()
-    return Run(states, ended, comm, run)
-
-
-@contextlib.contextmanager
-def _sentences() -> Iterator[None]:
-    """Failures of the libraries below as the sentence that the command line prints."""
-    from petsc4py import PETSc
-
-    try:
-        yield
-    except PETSc.Error as error:
-        raise RunError(f"PETSc stopped ({petsc_reason(error)})") from error
-    except MemoryError as error:
-        raise RunError(NO_MEMORY) from error
-    except OSError as error:
-        raise RunError(f"the mesh cannot be written ({error.strerror or error})") from error
-
-
-@contextlib.contextmanager
-def _folder(comm: MPI.Comm) -> Iterator[Path]:
-    """A folder for a while, the same on all ranks."""
-    path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
-    try:
-        yield path
-    finally:
-        if is_root(comm):
-            shutil.rmtree(path, ignore_errors=True)
-
-
 def load(folder: str | Path) -> Run:
     """A run from a folder of results; DOLFINx is needed only where a state is asked for that is not stored.
 
@@ -138,13 +139,12 @@ def load(folder: str | Path) -> Run:
         ResultsError: No results, or none that can be read.
         CaseError: No case file, or a wrong one.
     """
-    source = InFolder(Path(folder))
     try:
         summary = json.loads((Path(folder) / "summary.json").read_text())
         ended = Ended(int(summary["status"]), str(summary["message"]))
     except (OSError, ValueError, KeyError, TypeError):
         ended = Ended()  # a run that goes on, or was cut off
-    return Run(source, ended, solve=run)
+    return run_of(Path(folder), ended)
 
 
 def limit(
@@ -174,7 +174,7 @@ def limit(
     Case("limit", device, material, pressures_cm=(1.0,), formulation=formulation, sheet=sheet, obstacle=obstacle)
     comm = start()
     try:
-        with _sentences():
+        with sentences():
             return find_limit(device, [material], comm, sheet, obstacle, formulation)[0]
     except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error

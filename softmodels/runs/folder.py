@@ -6,6 +6,7 @@ import hashlib
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from measurement.default_folder import numbered, take_default
 from measurement.output_place import FULL
@@ -13,11 +14,15 @@ from measurement.own_files import is_same
 from measurement.own_folder import OwnFolder
 from softmodels.case.case import Case
 from softmodels.case.identity import difference, identity
+from softmodels.mechanics.mpi import on_root
 from softmodels.results.outcomes import BAD_INPUT, FAILED, RunError
 from softmodels.results.picture_files import picture_files, picture_folder
 from softmodels.results.resume import check_same, check_values, drop_between
 from softmodels.results.store import RUN, Results, ResultsError
 from softmodels.results.writing import write_text
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 MOST_GAPS = 20
 """Numbered folders that may be missing in a row where an earlier run is looked for."""
@@ -47,6 +52,23 @@ def begin(
         status = FAILED if error.errno in FULL else BAD_INPUT
         folder = output or Path("results") / case.name
         raise RunError(f"the folder {folder} cannot be written ({error.strerror})", status) from None
+
+
+def begin_together(
+    case: Case, output: Path | None, resume: bool, comm: MPI.Comm, *, draw: bool, inputs: Sequence[Path] = ()
+) -> tuple[Results, bool]:
+    """The same on all ranks, where rank 0 alone takes the folder and writes there; see `begin`."""
+    begun: list[Results] = []
+
+    def on_rank_0() -> tuple[Path, Path, bool]:
+        results, resumed = begin(case, output, resume, draw, inputs)
+        begun.append(results)
+        return results.own.path, results.folder, resumed
+
+    home, at, resumed = on_root(comm, on_rank_0)
+    results = begun[0] if begun else Results(home, case.name, case.actuator.gauge)
+    results.folder = at
+    return results, resumed
 
 
 def _begin(case: Case, output: Path | None, resume: bool, draw: bool, inputs: Sequence[Path]) -> tuple[Results, bool]:

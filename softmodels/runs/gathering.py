@@ -35,3 +35,11 @@ def branch_rows(results: Results) -> list[Row]:
     if branch.heavy.exists():
         branch.load()
     return branch.rows
+
+
+def not_gathered(error: Exception) -> str:
+    """Why the steps stay in files of their own, and what to do."""
+    return (
+        f"the steps could not be gathered in one file ({getattr(error, 'strerror', None) or error}); "
+        "make room and run again with --resume"
+    )

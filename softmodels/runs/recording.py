@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from softmodels.case.case import Case
 from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE
 from softmodels.results.resume import last_stop, stopped_at, stored_points
+from softmodels.results.row import Row
 from softmodels.results.stability_report import unlocated, unseen
 from softmodels.results.store import BRANCH, Results, write_text
 from softmodels.runs.folder import mesh_is_known
@@ -95,22 +97,29 @@ def _record_branch(simulation: Simulation, results: Results) -> None:
     """Follow the branch at the first bifurcation into a folder of its own."""
     case, comm = simulation.case, simulation.comm
     if not simulation.bifurcates:
-        simulation.listener.say(on_root(comm, lambda: _no_branch(simulation, results)))
+        simulation.listener.say(on_root(comm, lambda: no_branch(case, results.rows)))
         return
+    on_root(comm, lambda: begin_branch(results, case))
     aside = results.branch()
-    on_root(comm, lambda: results.own.claim([BRANCH]))
-    on_root(comm, aside.clear)
-    on_root(comm, lambda: write_text(aside.folder / "case.toml", case.to_toml()))
     _begin(simulation, aside)
     _store(simulation.branch(), aside, comm)
     on_root(comm, lambda: gather(case, aside, DONE, "", notes_of(case, aside.rows)) if aside.stored else None)
 
 
-def _no_branch(simulation: Simulation, results: Results) -> str:
-    """Why there is no branch to follow."""
-    if any(row.get("bifurcation") for row in results.rows):
+def begin_branch(results: Results, case: Case) -> Results:
+    """Make the folder of a branch beside its path, without the states of an earlier one; on rank 0."""
+    aside = results.branch()
+    results.own.claim([BRANCH])
+    aside.clear()
+    write_text(aside.folder / "case.toml", case.to_toml())
+    return aside
+
+
+def no_branch(case: Case, rows: Sequence[Row]) -> str:
+    """Why a run has no branch to follow."""
+    if any(row.get("bifurcation") for row in rows):
         return "the bifurcation was met before the run was gone on with; run it without --resume to follow the branch"
-    if text := unlocated(results.rows):
+    if text := unlocated(rows):
         return text
-    hidden = unseen(simulation.case.actuator)
+    hidden = unseen(case.actuator)
     return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"

@@ -5,23 +5,26 @@ from __future__ import annotations
 import dataclasses
 import functools
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.case.case import Case, CaseError
+from softmodels.case.case import CaseError
 from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.limits import Limit
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.results.store import Results
+from softmodels.runs.between import solve_between
 from softmodels.runs.folder import begin
 from softmodels.runs.gathering import gather
+from softmodels.runs.recording import begin_branch
 from softmodels.runs.requests import one_value
-from softmodels.runs.states import SolvedState, Source, state_of, write_states
+from softmodels.runs.states import InFolder, SolvedState, Source, state_of, write_states
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,6 +45,11 @@ class Ended:
 
     status: int = DONE
     message: str = ""
+    error: RunError | None = dataclasses.field(default=None, compare=False)
+
+    @classmethod
+    def by(cls, error: RunError) -> Ended:
+        return cls(error.status, str(error), error)
 
 
 class Run:
@@ -53,13 +61,12 @@ class Run:
     Attributes:
         case: What was run.
         rows: Rows of ``path.csv``, one for each state, with that file's units.
+        branch: The branch that leaves the path at its first bifurcation, where that was asked for and there is one; else None.
     """
 
-    def __init__(
-        self, source: Source, ended: Ended, comm: MPI.Comm | None = None, solve: Callable[[Case], Run] | None = None
-    ):
-        self.case, self.rows = source.case, source.rows
-        self._source, self._ended, self._comm, self._solve = source, ended, comm, solve
+    def __init__(self, source: Source, ended: Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
+        self.case, self.rows, self.branch = source.case, source.rows, branch
+        self._source, self._ended, self._comm = source, ended, comm
         self._solved: dict[tuple[str, float], SolvedState] = {}
 
     def __repr__(self) -> str:
@@ -152,7 +159,7 @@ class Run:
     def at(self, value: str | float) -> SolvedState:
         """The state at a value; of several, as on a cycle, the first of the requested ones.
 
-        A value that was not requested, and lies on the path, is solved for (by all ranks, where there are several).
+        A value in between is solved for, starting from the states beside it (by all ranks, where there are several).
 
         Args:
             value: A pressure (``"70 cm"``, ``"7 kPa"``) or an added volume (``"40 ml"``, of a syringe its stroke); or a
@@ -169,10 +176,10 @@ class Run:
         if near:
             asked = [k for k in near if self.rows[k]["requested"]]
             return self[asked[0] if asked else near[0]]
-        if not there.min() < wanted < there.max() or quantity == "step" or self._solve is None:
+        if not there.min() < wanted < there.max() or quantity == "step":
             raise RunError(self._not_there(value, quantity, there))
         if (quantity, wanted) not in self._solved:
-            self._solved[quantity, wanted] = self._solve(_to_one(self.case, quantity, wanted)).last
+            self._solved[quantity, wanted] = solve_between(self._source, quantity, wanted, there)
         return self._solved[quantity, wanted]
 
     def _asked(self, value: str | float) -> tuple[str, float]:
@@ -231,6 +238,8 @@ class Run:
             OwnFolderError, InUseError: The folder is somebody else's.
             RunError: It cannot be written.
         """
+        if isinstance(self._source, InFolder) and self._source.is_in(Path(folder)):
+            return Path(folder)
         if self._comm is None:
             self._save(Path(folder))
         else:
@@ -244,16 +253,15 @@ class Run:
             mesh.write_bytes(self._source.mesh())
             results.record(mesh=digest(mesh))
             write_states(self._source, results)
-            gather(self.case, results, self._ended.status, self._ended.message, self.notes)
+            if self.branch is not None:
+                self.branch._save_branch(results)
+            gather(self.case, results, self._ended.status, self._ended.message, notes_of(self.case, self.rows))
             results.own.forget_unwritten()
         finally:
             results.own.leave()
 
-
-def _to_one(case: Case, quantity: str, wanted: float) -> Case:
-    """A case that ends at one value."""
-    field, scale = {"pressure": ("pressures_cm", 1 / case.cm), "volume": ("volumes_ml", 1e6),
-                    "stroke": ("strokes_ml", 1e6)}[quantity]  # fmt: skip
-    nothing: Mapping[str, Any] = {"pressures_cm": (), "volumes_ml": (), "strokes_ml": (), "cycle": False, "control": "auto",
-                                  "supply": case.supply if quantity == "stroke" else None}  # fmt: skip
-    return dataclasses.replace(case, **{**nothing, field: (wanted * scale,)})
+    def _save_branch(self, home: Results) -> None:
+        """Write this branch into the folder of its run."""
+        aside = begin_branch(home, self.case)
+        write_states(self._source, aside)
+        gather(self.case, aside, DONE, "", notes_of(self.case, self.rows))

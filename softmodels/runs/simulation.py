@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.solver import Solver
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
+    from softmodels.path.quantities import Quantity
     from softmodels.results.fields import Fields
 
 Array = npt.NDArray[np.float64]
@@ -151,7 +155,7 @@ class Simulation:
             for number, point in enumerate(cycle(path, goals) if case.cycle else trace(path, goals, begun.points)):
                 if case.cycle and number < count:
                     continue  # a cycle is read off one curve, which is followed anew; what was stored of it stays
-                step = self._step(point, number if case.cycle else count + number)
+                step = self.step_of(point, number if case.cycle else count + number)
                 last = step.row
                 self._bifurcations += [point] if point.bifurcation else []
                 yield step
@@ -167,16 +171,20 @@ class Simulation:
         scale = eq.stress_unit if self.case.pressures_cm else eq.volume_unit
         return [goal / scale for goal in self.case.goals]
 
-    def _continuation(self, last: float) -> Continuation:
-        from softmodels.path.continuation import Continuation
+    def quantity(self, name: str) -> Quantity:
+        """What a path is asked for, by its name; the stroke is that of the case's supply."""
         from softmodels.path.quantities import DIRECT
 
-        case, eq, supply = self.case, self.solver.system, None
-        if case.supply is not None:
-            cavity = eq.rest().V * eq.volume_unit
-            supply = case.supply.control(cavity, eq.stress_unit, eq.volume_unit)
-        requested = supply or DIRECT[case.quantity]
-        path = Continuation(self.solver, requested, case.control, last / FEWEST_STEPS)
+        eq, supply = self.solver.system, self.case.supply
+        if supply is None or name in DIRECT:
+            return DIRECT[name]
+        return supply.control(eq.rest().V * eq.volume_unit, eq.stress_unit, eq.volume_unit)
+
+    def _continuation(self, last: float) -> Continuation:
+        from softmodels.path.continuation import Continuation
+
+        case = self.case
+        path = Continuation(self.solver, self.quantity(case.quantity), case.control, last / FEWEST_STEPS)
         path.report = lambda text: self.listener.say(f"  {text}")
         return path
 
@@ -190,7 +198,7 @@ class Simulation:
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
             for come, point in follow(self.solver, case.program, case.cm, case.control, self.listener.say, begun.stop):
-                step = self._step(point, len(rows), come)
+                step = self.step_of(point, len(rows), come)
                 rows.append(step.row)
                 yield step
         except PathEnd as end:
@@ -220,7 +228,7 @@ class Simulation:
         self.listener.say(f"following the branch from {pressure:.4g} cm")
         try:
             for number, point in enumerate(follow(self._path, start, farthest=max(self._goals()))):
-                yield self._step(point, number)
+                yield self.step_of(point, number)
         except (PathEnd, NoConvergence) as end:
             self.listener.say(f"the branch was followed no further: {end}")
 
@@ -233,7 +241,7 @@ class Simulation:
         if any_rank(self.comm, self.stopped()):
             raise RunError("stopped by the user; go on with --resume", STOPPED)
 
-    def _step(self, point: Point, number: int, come: float = 0.0) -> Step:
+    def step_of(self, point: Point, number: int, come: float = 0.0) -> Step:
         """A point of the path in SI units; ``come`` is how many steps a program has come."""
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
@@ -246,6 +254,17 @@ class Simulation:
         whole = None if nodal is None or more is None else {**nodal, **more}
         row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, whole or {}, number, come)))
         return Step(row, whole, restart_of(point))
+
+
+@contextlib.contextmanager
+def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
+    """A folder for a while, the same on all ranks."""
+    path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
+    try:
+        yield path
+    finally:
+        if is_root(comm):
+            shutil.rmtree(path, ignore_errors=True)
 
 
 def _own_words() -> bool:

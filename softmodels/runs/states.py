@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from measurement.own_files import is_same
 from softmodels.case.case import Case
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.row import Row
@@ -104,17 +105,32 @@ class InFolder:
 
     Args:
         folder: Results with their ``case.toml``.
+        home: Where the mesh is; the same folder if None.
 
     Raises:
         ResultsError: No results, or none that can be read.
         CaseError: No case file, or a wrong one.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, home: Path | None = None):
+        folder = folder.absolute()  # the caller may step into another one
         states = States(folder, Case.from_file(folder / "case.toml").name)
-        self._folder, self._results = folder, states.results
+        self.folder, self._results = folder, states.results
+        self._mesh = (folder if home is None else home) / f"{states.case.name}.msh"
         self.case, self.rows = states.case, states.rows
         self.points, self.cells, self.cell_name = states.points, states.cells, states.cell_name
+
+    def branch(self) -> InFolder | None:
+        """The states of the branch that leaves the path; None if none was followed."""
+        branch = self._results.branch()
+        if not branch.heavy.exists():
+            return None
+        branch.load()
+        return InFolder(branch.folder, self.folder) if branch.stored else None
+
+    def is_in(self, folder: Path) -> bool:
+        """Whether these states are in a folder."""
+        return is_same(self.folder, folder)
 
     def fields(self, step: int) -> Mapping[str, Array]:
         from softmodels.results.state_dofs import RAW
@@ -127,7 +143,7 @@ class InFolder:
         return self._results.stored[step].restart
 
     def mesh(self) -> bytes:
-        return (self._folder / f"{self.case.name}.msh").read_bytes()
+        return self._mesh.read_bytes()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -1,0 +1,198 @@
+"""The door into a folder: states are written while they are solved, gone on with after a kill, and solved for in between."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import softmodels as sm
+from softmodels.runs.simulation import Simulation
+
+LAW = sm.NeoHookean(20e3)
+BALLOONS = sm.HollowDisk(membrane=1e-3, section="axisymmetric", cell_size=6e-3, refinement=1.0)
+"""Has a limit point near 36 cm."""
+TWIN = sm.HollowDisk.variant("shadow", section="axisymmetric", base=2e-3, wall=15e-3, cell_size=3e-3)
+"""Two equal membranes, of which one balloons in the end."""
+TWIN_LAW = sm.Yeoh(10e3, 20.0, 3.0, 0.495)
+HEAD = """
+import os, signal
+import softmodels as sm
+
+disk = sm.HollowDisk(membrane=1e-3, section="axisymmetric", cell_size=6e-3, refinement=1.0)
+law = sm.NeoHookean(20e3)
+"""
+
+
+@pytest.fixture(scope="module")
+def in_memory():
+    return sm.inflate(BALLOONS, LAW, pressures="0:100 cm")
+
+
+@pytest.fixture(scope="module")
+def twin():
+    return sm.inflate(TWIN, TWIN_LAW, volumes="0:90:30 ml", branch=True)
+
+
+def texts(folder):
+    return {name: (folder / name).read_text() for name in ("path.csv", "case.toml", "summary.json", "disk.xdmf")}
+
+
+def test_states_are_in_the_folder_as_soon_as_they_are_solved(in_memory, tmp_path, capfd):
+    folder, lengths = tmp_path / "disk", []
+
+    def look(row):
+        lengths.append(len(sm.load(folder)))
+        with pytest.raises(sm.InUseError, match="is in use by process"):
+            sm.inflate(BALLOONS, LAW, pressures="0:100 cm", folder=folder)
+
+    run = sm.inflate(BALLOONS, LAW, pressures="0:100 cm", folder=folder, progress=look)
+    assert lengths == list(range(1, len(run) + 1))
+    assert run.limit == in_memory.limit and run.limit.kind == "limit"
+    saved = in_memory.save(tmp_path / "saved")
+    assert texts(folder) == texts(saved)
+    assert {file.name for file in folder.iterdir()} == {file.name for file in saved.iterdir()}
+    assert run.save(folder) == folder and texts(folder) == texts(saved)
+    assert np.array_equal(run[3].von_mises, in_memory[3].von_mises)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_killed_script_leaves_its_states_and_is_gone_on_with(in_memory, runs, tmp_path):
+    text = """
+def die(row):
+    if row["step"] == 4:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+sm.inflate(disk, law, pressures="0:100 cm", folder="disk", progress=die)
+"""
+    done = runs.run("-c", HEAD + text, cwd=tmp_path)
+    assert (done.status, done.out, done.err) == (-signal.SIGKILL, "", "")
+    left = sm.load(tmp_path / "disk")
+    assert len(left) == 5 and np.array_equal(left[4].displacement, in_memory[4].displacement)
+    assert left.limit is None
+    run = sm.inflate(BALLOONS, LAW, pressures="0:100 cm", folder=tmp_path / "disk", resume=True)
+    assert run.rows == in_memory.rows and run.limit == in_memory.limit
+
+
+def test_ones_own_interrupt_lets_go_of_the_folder(tmp_path):
+    def interrupt(row):
+        if row["step"] == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sm.inflate(BALLOONS, LAW, pressures="0:30 cm", folder=tmp_path / "disk", progress=interrupt)
+    assert len(sm.load(tmp_path / "disk")) == 3
+    sm.inflate(BALLOONS, LAW, pressures="0:30 cm", folder=tmp_path / "disk", resume=True)
+
+
+def test_a_case_file_is_run_into_a_folder_and_never_replaced(in_memory, tmp_path):
+    file = in_memory.save(tmp_path / "first") / "case.toml"
+    assert sm.run(file, folder=tmp_path / "second").rows == in_memory.rows
+    file.write_text(file.read_text().replace("control", "# as it was\ncontrol"))
+    with pytest.raises(sm.RunError, match=r"case.toml is read, and would be replaced"):
+        sm.run(file, folder=tmp_path / "first")
+
+
+def test_whose_folder_it_is_and_what_was_run_there(in_memory, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("mine")
+    with pytest.raises(sm.OwnFolderError, match=r"holds files that no run .*'thesis.txt'"):
+        sm.inflate(BALLOONS, LAW, pressures="0:30 cm", folder=tmp_path / "mine")
+    assert [file.name for file in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+    other = in_memory.save(tmp_path / "other")
+    with pytest.raises(sm.RunError, match="holds a run with another material"):
+        sm.inflate(BALLOONS, sm.NeoHookean(25e3), pressures="0:100 cm", folder=other, resume=True)
+    with pytest.raises(sm.CaseError, match="gone on with in its folder"):
+        sm.inflate(BALLOONS, LAW, pressures="0:100 cm", resume=True)
+    with pytest.raises(sm.CaseError, match="leaves the path where it bifurcates"):
+        sm.inflate(BALLOONS, LAW, pressures="0:10 cm", cycle=True, branch=True)
+
+
+def test_a_branch_is_a_run_of_its_own(twin, tmp_path):
+    at = next(k for k, row in enumerate(twin.rows) if row["bifurcation"])
+    assert twin.branch.case == twin.case and twin.branch.limit is None
+    away = np.abs(twin.branch.apex - twin.apex[at])
+    assert (np.diff(away) > 0).all() and twin.branch.added_volume[-1] >= 90e-6
+    assert twin.branch.pressure[-1] < twin.pressure[-1]
+    again = sm.load(twin.save(tmp_path / "saved"))
+    assert again.branch.rows == twin.branch.rows
+    both = [run.branch.at("80 ml").displacement for run in (twin, again)]
+    assert np.abs(both[0] - both[1]).max() < 1e-9 * np.abs(both[0]).max()
+    assert np.abs(both[0] - twin.at("80 ml").displacement).max() > 1e-3
+    with pytest.raises(sm.RunError, match="no state at"):
+        twin.branch.at("0.1 ml")
+
+
+def test_a_branch_is_followed_into_the_folder(twin, tmp_path):
+    run = sm.inflate(TWIN, TWIN_LAW, volumes="0:90:30 ml", branch=True, folder=tmp_path / "disk")
+    assert run.rows == twin.rows and run.branch.rows == twin.branch.rows
+    saved = twin.save(tmp_path / "saved")
+    for place in (".", "branch"):
+        assert texts(tmp_path / "disk" / place) == texts(saved / place)
+    assert sm.inflate(TWIN, TWIN_LAW, volumes="5 ml", branch=True).branch is None
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.98])
+@pytest.mark.parametrize("stored", [False, True])
+def test_a_state_in_between_starts_from_its_neighbours(share, stored, in_memory, tmp_path, monkeypatch):
+    """The path from rest to there gives the same to 1e-10 of it; nothing of that is solved here."""
+    run = sm.load(in_memory.save(tmp_path / "disk")) if stored else in_memory
+    ends = [*in_memory.pressure[[9, 10]], *in_memory.added_volume[[9, 10]]]
+    pressure, volume = ((1 - share) * low + share * high for low, high in (ends[:2], ends[2:]))
+    straight = [sm.inflate(BALLOONS, LAW, pressures=[pressure]).last, sm.inflate(BALLOONS, LAW, volumes=[volume]).last]
+
+    def from_rest(self, begun=None):
+        raise AssertionError("solved from rest")
+
+    monkeypatch.setattr(Simulation, "steps", from_rest)
+    monkeypatch.setattr(type(BALLOONS), "write", from_rest)
+    for state, wanted in zip((run.at(pressure), run.at(f"{float(volume * 1e6)!r} ml")), straight, strict=True):
+        for name, values in wanted.fields.items():
+            assert np.abs(state.fields[name] - values).max() < 1e-8 * np.abs(values).max(), name
+        assert list(state.row) == list(run.rows[0]) and state.row["requested"] == 1
+
+
+def test_strokes_in_between(monkeypatch):
+    syringe = sm.Syringe(syringe=20e-6, dead_volume=1e-6)
+    run, straight = (sm.inflate(BALLOONS, LAW, strokes=strokes, supply=syringe) for strokes in ("0:6 ml", "4.321 ml"))
+    monkeypatch.setattr(Simulation, "steps", None)
+    state = run.at("4.321 ml")
+    assert state.row["stroke_ml"] == pytest.approx(4.321, rel=1e-9)
+    assert np.abs(state.displacement - straight.last.displacement).max() < 1e-8 * np.abs(state.displacement).max()
+    assert run.at("9 cm").pressure == pytest.approx(9 * run.case.cm, rel=1e-9)
+
+
+@pytest.mark.parametrize("ranks", [2])
+def test_several_ranks_write_one_folder(ranks, runs, tmp_path, in_memory):
+    beside = Path(sys.executable).with_name("mpirun")
+    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("no mpirun beside this Python or on the path")
+    text = """
+from mpi4py import MPI
+
+short = sm.inflate(disk, law, pressures="0,10 cm", folder="disk")
+run = sm.inflate(disk, law, pressures="0,10,30 cm", folder="disk", resume=True)
+refused = ""
+try:
+    sm.inflate(disk, sm.NeoHookean(30e3), pressures="0,10 cm", folder="disk", resume=True)
+except sm.RunError as error:
+    refused = "another material" in str(error)
+state = run.at("25 cm")
+found = [len(short), len(run), run.apex[-1], state.von_mises.max(), state.added_volume, refused]
+everybodys = MPI.COMM_WORLD.gather([float(one) for one in found])
+if MPI.COMM_WORLD.rank == 0:
+    assert everybodys[0] == everybodys[1], everybodys
+    print(*everybodys[0])
+"""
+    done = runs.run("-c", HEAD + text, launcher=[mpirun, "-n", ranks], cwd=tmp_path)
+    assert (done.status, done.err) == (0, "")
+    lengths, found = np.split(np.array(done.out.split(), dtype=float), [2])
+    run = sm.inflate(BALLOONS, LAW, pressures="0,10,30 cm")
+    state = run.at("25 cm")
+    assert lengths[1] > lengths[0] > 2
+    assert found == pytest.approx([run.apex[-1], state.von_mises.max(), state.added_volume, 1.0], rel=1e-6)
