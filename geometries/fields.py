@@ -14,8 +14,8 @@ from typing import Any
 from geometries.errors import FieldError, GeometryError
 from geometries.kinds import LONGEST, Choice, Kind, Length, Quantity, Several, Words, shown
 
-__all__ = ["LONGEST", "About", "about", "angle_field", "choice_field", "field_of", "length_field", "list_field", "number_field",
-           "settle", "shown", "text_field"]  # fmt: skip
+__all__ = ["LONGEST", "About", "about", "angle_field", "angles_field", "choice_field", "field_of", "length_field",
+           "lengths_field", "list_field", "number_field", "settle", "shown", "text_field"]  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,6 +29,7 @@ class About:
         key: Its name in settings files; the field's if empty.
         option: Its name on command lines; the key if empty.
         per_option: Value in the file's unit of an option's 1, where the two are counted in different units.
+        instead: Name of a list that takes its place once it has entries.
         shape: Whether it decides a device's shape, so that a design may vary it; cell sizes and the like do not.
     """
 
@@ -38,7 +39,14 @@ class About:
     key: str = ""
     option: str = ""
     per_option: float = 1.0
+    instead: str = ""
     shape: bool = True
+
+    def idle(self, thing: Any) -> str:
+        """Name of the field that makes this one mean nothing in a value of the dataclass; empty if it means something."""
+        if self.unless and getattr(thing, self.unless[0]) == self.unless[1]:
+            return self.unless[0]
+        return self.instead if self.instead and getattr(thing, self.instead) else ""
 
 
 def field_of(kind: Kind, text: str, default: Any = dataclasses.MISSING, **more: Any) -> Any:
@@ -51,21 +59,22 @@ def about(thing: Any) -> Mapping[str, About]:
     return {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
 
 
-def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False, shape: bool = True) -> Any:
-    """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones; see `About.shape`."""
-    return field_of(Length(zero=zero, signed=signed), text, default, shape=shape)
-
-
-def angle_field(default: float, text: str, *, unless: tuple[str, str] | None = None, shape: bool = True) -> Any:
-    """Return a dataclass field for an angle in degrees.
+def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False, **more: Any) -> Any:
+    """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones.
 
     Args:
         default: Its value if not given.
         text: What it is.
-        unless: Name and value of another field with which it means nothing.
-        shape: See `About`.
+        zero: Whether it may be 0.
+        signed: Whether it may be negative.
+        more: Further attributes of `About`.
     """
-    return field_of(Quantity("degree"), text, default, unless=unless, shape=shape)
+    return field_of(Length(zero=zero, signed=signed), text, default, **more)
+
+
+def angle_field(default: float, text: str, **more: Any) -> Any:
+    """Return a dataclass field for an angle in degrees; ``more`` are further attributes of `About`."""
+    return field_of(Quantity("degree"), text, default, **more)
 
 
 def number_field(default: float, text: str, *, shape: bool = True) -> Any:
@@ -88,6 +97,16 @@ def list_field(
 ) -> Any:
     """Return a dataclass field for any number of texts, or of pure numbers; see `About.shape`."""
     return field_of(Several(Quantity() if numbers else Words()), text, default, shape=shape)
+
+
+def lengths_field(text: str) -> Any:
+    """Return a dataclass field for any number of lengths in m, none unless given."""
+    return field_of(Several(Length()), text, ())
+
+
+def angles_field(text: str) -> Any:
+    """Return a dataclass field for any number of angles in degrees, none unless given."""
+    return field_of(Several(Quantity("degree")), text, ())
 
 
 def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:

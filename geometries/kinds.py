@@ -155,18 +155,40 @@ class Flag(Kind):
 
 @dataclasses.dataclass(frozen=True)
 class Several(Kind):
-    """Any number of texts, or of pure numbers."""
+    """Any number of texts, or of numbers of one kind."""
 
     of: Quantity | Words
+    unit: str = dataclasses.field(init=False, default="")
     several: ClassVar[bool] = True
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "unit", self.of.unit)
+
     def settled(self, name: str, value: object) -> tuple[object, ...]:
-        wanted, kind = (str, "texts") if isinstance(self.of, Words) else (numbers.Real, "numbers")
-        good = isinstance(value, list | tuple) and all(
-            isinstance(item, wanted) and not isinstance(item, bool) for item in value
-        )
-        if not good or not isinstance(value, list | tuple):
-            raise FieldError(f"{name} is {value!r}; it must be a list of {kind}, such as [...]")
-        if kind == "numbers" and not all(math.isfinite(item) for item in value):
+        if not isinstance(value, list | tuple) or not all(isinstance(item, self._wanted) for item in value):
+            raise self._refused(name, value)
+        if any(isinstance(item, bool) for item in value):
+            raise self._refused(name, value)
+        if self.unit:
+            return tuple(self.of.settled(f"{name}[{place}]", item) for place, item in enumerate(value, 1))
+        if isinstance(self.of, Quantity) and not all(math.isfinite(item) for item in value):
             raise FieldError(f"{name} is {value!r}; it must hold finite numbers")
-        return tuple(item if kind == "texts" else float(item) for item in value)
+        return tuple(item if isinstance(self.of, Words) else float(item) for item in value)
+
+    def read(self, name: str, value: object) -> object:
+        if not self.unit:
+            return self.settled(name, value)
+        if not isinstance(value, list | tuple):
+            raise self._refused(name, value)
+        return tuple(self.of.read(f"{name}[{place}]", item) for place, item in enumerate(value, 1))
+
+    def write(self, value: object, text: Text) -> object:
+        return [self.of.write(item, text) for item in value] if isinstance(value, tuple) else value
+
+    @property
+    def _wanted(self) -> type:
+        return str if isinstance(self.of, Words) else numbers.Real
+
+    def _refused(self, name: str, value: object) -> FieldError:
+        what = "texts" if isinstance(self.of, Words) else f"numbers in {self.unit}" if self.unit else "numbers"
+        return FieldError(f"{name} is {value!r}; it must be a list of {what}, such as [...]")

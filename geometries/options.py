@@ -48,6 +48,19 @@ class QuantityType(click.ParamType):
             self.fail(str(error), param, ctx)
 
 
+class QuantitiesType(QuantityType):
+    """Numbers with units between commas, such as ``0.7mm,0.9mm``; the value is a tuple in the unit given here."""
+
+    def __init__(self, unit: str) -> None:
+        """Args: unit: Unit of the values in Pint's spelling."""
+        super().__init__(unit)
+        self.name = f"{self.name},..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        parts = value.split(",") if isinstance(value, str) else value
+        return tuple(super(QuantitiesType, self).convert(part, param, ctx) for part in parts)
+
+
 @functools.singledispatch
 def _type(kind: Kind) -> click.ParamType:
     """The type that click gives the option of a kind of value."""
@@ -71,7 +84,7 @@ def _(kind: Flag) -> click.ParamType:
 
 @_type.register
 def _(kind: Several) -> click.ParamType:
-    return _type(kind.of)
+    return QuantitiesType(kind.unit) if kind.unit else _type(kind.of)
 
 
 def flag(name: str) -> str:
@@ -93,10 +106,11 @@ def field_option(
     kind, text = field.kind, f"{field.help[0].upper()}{field.help[1:]}."
     if isinstance(kind, Flag):
         return click.option(flag(name), name, is_flag=True, default=None, help=text)
-    text += "  [may be given again]" if kind.several else ""
+    again = kind.several and not kind.unit  # several quantities stand between commas
+    text += "  [may be given again]" if again else ""
     text += "" if default is None else f"  [default: {_friendly(default, kind.unit)}]"
     return click.option(
-        flag(name), name, type=_type(kind), metavar=metavar, default=None, help=text, multiple=kind.several,
+        flag(name), name, type=_type(kind), metavar=metavar, default=None, help=text, multiple=again,
         callback=functools.partial(_typed, kind),
     )  # fmt: skip
 
@@ -153,10 +167,9 @@ def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
         GeometryError: The first of them.
     """
     for name, field in about(made).items():
-        if field.unless and values.get(name) is not None and getattr(made, field.unless[0]) == field.unless[1]:
-            raise GeometryError(
-                f"{flag(name)} means nothing with --{field.unless[0]} {field.unless[1]}; leave one of them out"
-            )
+        if values.get(name) is not None and (other := field.idle(made)):
+            given = f" {getattr(made, other)}" if field.unless and other == field.unless[0] else ""
+            raise GeometryError(f"{flag(name)} means nothing with {flag(other)}{given}; leave one of them out")
 
 
 def _typed(kind: Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:

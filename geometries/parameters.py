@@ -71,7 +71,7 @@ def changed[Device: Actuator](device: Device, values: Mapping[str, float]) -> De
 def _places(device: Actuator) -> Iterator[tuple[str, str, int | None]]:
     """Name, field and place in the field's list of every continuous parameter."""
     for field, known in about(device).items():
-        if not known.shape or (known.unless and getattr(device, known.unless[0]) == known.unless[1]):
+        if not known.shape or known.idle(device):
             continue
         if isinstance(known.kind, Quantity):
             yield field, field, None

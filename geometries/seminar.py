@@ -16,7 +16,8 @@ Seen from above, x from the clamped base to the tip, the mirror plane y = 0 in t
 
 The manifold is an arc around the base's centre; from it the channels run straight out. All lie in one plane, off the
 middle of the thickness by `offset`: pressure pulls the slab long off its middle, so it bends away from the channels' side, the
-thin one. The supply hose is not modelled: the cavity is closed.
+thin one. The fan is symmetric about y = 0; with the lists (`bores` and the like) every channel has values of its own. The
+supply hose is not modelled: the cavity is closed.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
-from geometries.fields import angle_field, choice_field, length_field, number_field
+from geometries.fields import angle_field, angles_field, choice_field, length_field, lengths_field, number_field
 from geometries.mirroring import Mirror
 from geometries.registry import register
 from geometries.seminar_cells import expected_cells
@@ -53,18 +54,35 @@ class SeminarActuator(Actuator):
     thickness: float = length_field(0.008, "thickness of the slab")
     tip_radius: float = length_field(0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True)
     channels: int = choice_field(5, tuple(range(1, 13)), "number of channels")
-    spread: float = angle_field(100.0, "angle between the outermost channels, which is that of the manifold's arc")
+    spread: float = angle_field(
+        100.0, "angle between the outermost channels, which is that of the manifold's arc", instead="angles"
+    )
     manifold_radius: float = length_field(0.012, "radius of the manifold's arc around the middle of the base")
     manifold_bore: float = length_field(0.0009, "radius of the manifold's round section")
-    channel_bore: float = length_field(0.0007, "radius of a channel's section at the manifold")
-    end_bore: float = length_field(0.0010, "radius of a channel's section at its end, which is round")
+    channel_bore: float = length_field(0.0007, "radius of a channel's section at the manifold", instead="bores")
+    end_bore: float = length_field(
+        0.0010, "radius of a channel's section at its end, which is round", instead="end_bores"
+    )
     fillet: float = length_field(
         0.0004, "radius of the rounding where a channel leaves the manifold; 0 for a sharp crease", zero=True
     )
     offset: float = length_field(
         -0.001, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
     )
-    edge: float = length_field(0.004, "solid between the channels' ends and the slab's sides")
+    edge: float = length_field(0.004, "solid between the channels' ends and the slab's sides", instead="reaches")
+    bores: tuple[float, ...] = lengths_field(
+        "each channel's own channel_bore, from the middle outwards: one value for two channels alike on both sides"
+    )
+    middle_bores: tuple[float, ...] = lengths_field(
+        "radius of each channel half way between its two ends, from the middle outwards; straight from end to end if none"
+    )
+    end_bores: tuple[float, ...] = lengths_field("each channel's own end_bore, from the middle outwards")
+    angles: tuple[float, ...] = angles_field(
+        "each channel's direction from the middle, rising; 0 deg first for an odd number; in place of spread"
+    )
+    reaches: tuple[float, ...] = lengths_field(
+        "how far from the middle of the base each channel ends, from the middle outwards; in place of edge"
+    )
     least_wall: float = length_field(
         0.0005, "thinnest solid allowed between channels and faces, and between channels", shape=False
     )
@@ -80,6 +98,7 @@ class SeminarActuator(Actuator):
     examples: ClassVar = (
         "--channels 7 --spread 120deg",
         "--offset=-1.2mm --end-bore 1mm",
+        "--angles 0deg,20deg,50deg --end-bores 1.3mm,1mm,0.8mm",
         "--part full --cell-size 4mm",
     )
 

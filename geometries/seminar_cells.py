@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from geometries.seminar_plan import angles, channel
+from geometries.seminar_plan import fan, spread
 
 if TYPE_CHECKING:
     from geometries.seminar import SeminarActuator
@@ -36,18 +36,20 @@ def wall_size(slab: SeminarActuator, radius: float) -> float:
 
 def size_function(slab: SeminarActuator) -> Callable[[float, float, float], float]:
     """Return the cell size in m as a function of the place in m."""
-    half, arc, bore = 0.5 * math.radians(slab.spread), slab.manifold_radius, slab.manifold_bore
+    half, arc, bore = 0.5 * spread(slab), slab.manifold_radius, slab.manifold_bore
     on_arc, far, level = wall_size(slab, bore), slab.cell_size, slab.offset
     # The creases, or their roundings, are rings around the rays, near the manifold's outer wall.
     crease, fillet = min(CREASE * 2.0 * math.pi * slab.fillet / slab.around or far, on_arc), slab.fillet
     ring = arc + 0.85 * bore
     around, middle = 2.0 * math.pi / slab.around, 0.5 * slab.thickness - abs(slab.offset)
     ends = [(arc * math.cos(end), arc * math.sin(end)) for end in (-half, half)]
-    rays = [
-        (math.cos(a), math.sin(a), line.start, line.centre, line.bore, line.slope)
-        for a in angles(slab)
-        if (line := channel(slab, a)) is not None and (slab.part == "full" or a > -1e-9)
-    ]
+    rays = []
+    for line in fan(slab):
+        if line is None or (slab.part == "half" and line.angle < -1e-9):
+            continue
+        for number, cone in enumerate(line.cones, 1):
+            end = cone.end if number < len(line.cones) else line.centre
+            rays.append((math.cos(line.angle), math.sin(line.angle), cone.start, end, cone.bore, cone.slope, line.bore))
 
     # Gmsh asks a million times: plain arithmetic, nothing looked up twice.
     def size(x: float, y: float, z: float) -> float:
@@ -58,13 +60,13 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
             ex, ey = ends[y > 0.0]
             away = math.hypot(x - ex, y - ey, z)
         best = min(far, on_arc + GROWTH * max(0.0, away - bore))
-        for c, s, start, centre, first, slope in rays:
-            along = min(max(c * x + s * y, start), centre)
+        for c, s, start, end, first, slope, mouth in rays:
+            along = min(max(c * x + s * y, start), end)
             radius = first + slope * (along - start)
             away = math.hypot(x - c * along, y - s * along, z) - radius
             wall = min(around * radius, (middle - radius) / THROUGH)
             best = min(best, wall + GROWTH * away if away > 0.0 else wall)
-            apart = math.hypot(c * x + s * y - ring, math.hypot(s * x - c * y, z) - first) - fillet
+            apart = math.hypot(c * x + s * y - ring, math.hypot(s * x - c * y, z) - mouth) - fillet
             best = min(best, crease + GROWTH * apart if apart > 0.0 else crease)
         return best
 
@@ -75,8 +77,13 @@ def expected_cells(slab: SeminarActuator) -> float:
     """Return a rough number of cells (within a factor of about two), from the sizes alone."""
     share = 0.5 if slab.part == "half" else 1.0
     total = 0.5 * slab.base_width * slab.length * slab.thickness / slab.cell_size**3
-    lines = [(slab.manifold_radius * math.radians(slab.spread), slab.manifold_bore)]
-    lines += [(line.end - line.start, slab.end_bore) for a in angles(slab) if (line := channel(slab, a)) is not None]
+    lines = [(slab.manifold_radius * spread(slab), slab.manifold_bore)]
+    lines += [
+        (cone.end - cone.start, max(cone.bore, line.radius(cone.end)))
+        for line in fan(slab)
+        if line is not None
+        for cone in line.cones
+    ]
     for length, radius in lines:
         h = wall_size(slab, radius)
         # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.

@@ -6,6 +6,7 @@ The model is in mm and the mesh is written in m: the CAD kernel rounds edges wit
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections import defaultdict
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ import numpy as np
 
 from geometries.errors import MeshingError
 from geometries.seminar_cells import size_function
-from geometries.seminar_plan import Channel, angles, channel, side
+from geometries.seminar_plan import Channel, half_fan, side, spread
 
 if TYPE_CHECKING:
     from geometries.seminar import SeminarActuator
@@ -100,13 +101,13 @@ def _network(slab: SeminarActuator) -> list[Entity]:
     import gmsh
 
     occ = gmsh.model.occ
-    lines = [channel(slab, angle) for angle in angles(slab) if angle > -1e-9]
-    parts = [*_manifold(slab), *(_air(slab, line) for line in lines if line is not None)]
+    lines = [line for line in half_fan(slab) if line is not None]
+    parts = [*_manifold(slab, lines[0].bore), *(_air(slab, line) for line in lines)]
     air = list(occ.fuse(parts[:1], parts[1:])[0])
     if slab.fillet == 0.0:
         return air
     occ.synchronize()
-    edges = _creases(air)
+    edges = _creases(slab, air)
     try:
         return list(occ.fillet([tag for _, tag in air], edges, [MM * slab.fillet]))
     except Exception:  # bare
@@ -116,11 +117,12 @@ def _network(slab: SeminarActuator) -> list[Entity]:
         ) from None
 
 
-def _creases(air: list[Entity]) -> list[int]:
-    """Curves where two curved walls of the air meet at an angle."""
+def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
+    """Curves on the manifold where two curved walls of the air meet at an angle."""
     import gmsh
 
     model = gmsh.model
+    half, radius = 0.5 * spread(slab), MM * slab.manifold_radius
     walls = [tag for _, tag in model.getBoundary(air, oriented=False) if model.getType(2, tag) != "Plane"]
     owners: dict[int, list[int]] = defaultdict(list)
     for wall in walls:
@@ -133,20 +135,23 @@ def _creases(air: list[Entity]) -> list[int]:
         low, high = (bound[0] for bound in model.getParametrizationBounds(1, curve))
         at = model.getValue(1, curve, [0.5 * (low + high)])
         one, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
-        if math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
+        turn = min(math.atan2(at[1], at[0]), half)
+        away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), MM * slab.offset))
+        # Two cones of one channel meet at an angle too, which stays.
+        if away < 1.001 * MM * slab.manifold_bore and math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
             found.append(curve)
     return sorted(found)
 
 
-def _manifold(slab: SeminarActuator) -> list[Entity]:
-    """The arc over the half's angle and some more, and the round cap at its end."""
+def _manifold(slab: SeminarActuator, first: float) -> list[Entity]:
+    """The arc over the half's angle and some more, and the round cap at its end; ``first`` is the bore in the middle."""
     import gmsh
 
     occ = gmsh.model.occ
-    half = 0.5 * math.radians(slab.spread)
+    half = 0.5 * spread(slab)
     radius, bore, level = MM * slab.manifold_radius, MM * slab.manifold_bore, MM * slab.offset
     # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
-    begin = -2.0 * (slab.channel_bore + 2.0 * slab.fillet) / slab.manifold_radius
+    begin = -2.0 * (first + 2.0 * slab.fillet) / slab.manifold_radius
     c, s = math.cos(begin), math.sin(begin)
     # The section's seam is on the inside, where no channel leaves.
     section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])
@@ -166,13 +171,13 @@ def _air(slab: SeminarActuator, line: Channel) -> Entity:
     def corner(along: float, up: float) -> int:
         return int(occ.addPoint(MM * along * c, MM * along * s, MM * (slab.offset + up)))
 
-    begin, first = corner(line.start, 0.0), corner(line.start, line.bore)
-    last, centre = corner(line.end, line.radius(line.end)), corner(line.centre, 0.0)
-    end = corner(line.centre + line.cap, 0.0)
+    begin = corner(line.start, 0.0)
+    rims = [corner(line.start, line.bore), *(corner(cone.end, line.radius(cone.end)) for cone in line.cones)]
+    centre, end = corner(line.centre, 0.0), corner(line.centre + line.cap, 0.0)
     curves = [
-        occ.addLine(begin, first),
-        occ.addLine(first, last),
-        occ.addCircleArc(last, centre, end),
+        occ.addLine(begin, rims[0]),
+        *(occ.addLine(*pair) for pair in itertools.pairwise(rims)),
+        occ.addCircleArc(rims[-1], centre, end),
         occ.addLine(end, begin),
     ]
     occ.remove([(0, centre)])

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 
+import click
 import gmsh
 import numpy as np
 import pytest
 
 from geometries import GeometryError, SeminarActuator
 from geometries.meshing import private_model, summarize
-from geometries.options import from_table, to_table
-from geometries.seminar_plan import angles, channel, edge_distance, outline_area
+from geometries.options import device_options, device_told, from_table, to_table
+from geometries.parameters import parameter_names
+from geometries.seminar_plan import edge_distance, fan, half_fan, outline_area
 
 COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}
 
@@ -50,8 +52,7 @@ def test_default_is_a_believable_piece():
     cones = sum(
         math.pi / 3 * (line.end - line.start) * (line.bore**2 + line.bore * (r := line.radius(line.end)) + r**2)
         + 2 / 3 * math.pi * line.cap**3
-        for angle in angles(slab)
-        if (line := channel(slab, angle))
+        for line in fan(slab)
     )
     arc = math.pi * slab.manifold_bore**2 * slab.manifold_radius * math.radians(slab.spread)
     caps = 4 / 3 * math.pi * slab.manifold_bore**3
@@ -62,7 +63,7 @@ def test_default_is_a_believable_piece():
 def test_one_channel_has_its_volume_in_closed_form():
     """A channel so deep in the manifold's shadow that what both share is small and known to bounds."""
     slab = SeminarActuator(channels=1, spread=40.0, channel_bore=0.0003, end_bore=0.0003, fillet=0.0)
-    line = channel(slab, 0.0)
+    line = half_fan(slab)[0]
     bore = slab.manifold_bore
     straight = math.pi * line.bore**2
     arc = math.pi * bore**2 * slab.manifold_radius * math.radians(slab.spread) + 4 / 3 * math.pi * bore**3
@@ -75,17 +76,16 @@ def test_one_channel_has_its_volume_in_closed_form():
 def test_cap_continues_the_cone_without_a_corner():
     for changes in ({}, {"channel_bore": 0.0008, "end_bore": 0.0005}, {"end_bore": 0.0015}):
         slab = SeminarActuator(**changes)
-        line = channel(slab, 0.0)
+        line = half_fan(slab)[0]
         radius = line.radius(line.end)
         assert math.hypot(line.end - line.centre, radius) == pytest.approx(line.cap, rel=1e-12)
-        assert (line.end - line.centre) == pytest.approx(-line.slope * radius, rel=1e-9, abs=1e-15)  # tangent
+        assert (line.end - line.centre) == pytest.approx(-line.cones[0].slope * radius, rel=1e-9, abs=1e-15)  # tangent
 
 
 def test_ends_keep_their_distance_from_the_sides():
     slab = SeminarActuator()
-    for angle in angles(slab):
-        line = channel(slab, angle)
-        place = line.centre * math.cos(angle), line.centre * math.sin(angle)
+    for line in fan(slab):
+        place = line.centre * math.cos(line.angle), line.centre * math.sin(line.angle)
         assert edge_distance(slab, *place) == pytest.approx(slab.edge + slab.end_bore, rel=1e-9)
 
 
@@ -178,3 +178,110 @@ def test_figures_of_a_bent_slab():
     figures = slab.device_figures({"tip": place, "tip_below": place})
     assert figures["curvature_per_m"] == pytest.approx(1 / radius, rel=1e-12)
     assert figures["lift_angle_deg"] == pytest.approx(math.degrees(angle / 2), rel=1e-12)
+
+
+OWN = {
+    "bores": (0.0008, 0.0006),
+    "middle_bores": (0.0011, 0.0008),
+    "end_bores": (0.0006, 0.0012),
+    "angles": (0.0, 35.0),
+    "reaches": (0.040, 0.028),
+}
+"""A fan of three channels that are all different."""
+
+
+def test_lists_of_common_values_are_the_common_device(mesh):
+    """The same values given one by one: the same cells."""
+    plain, path = mesh()
+    lines = half_fan(plain)
+    own, its_path = mesh(
+        bores=(plain.channel_bore,) * 2,
+        end_bores=(plain.end_bore,) * 2,
+        angles=tuple(math.degrees(line.angle) for line in lines),
+        reaches=tuple(line.centre + line.cap for line in lines),
+    )
+    assert summarize(its_path).cells == pytest.approx(summarize(path).cells, rel=0.01)
+    assert own.cavity_volume == pytest.approx(plain.cavity_volume, rel=1e-9)
+    for line, same in zip(lines, half_fan(own), strict=True):
+        assert same.cones[0] == pytest.approx(line.cones[0], rel=1e-12) and same.angle == line.angle
+
+
+def test_every_channel_has_its_own_shape(mesh):
+    """Volumes of the cones in closed form; ends and radii where they were asked for, on the mesh too."""
+    slab, path = mesh(**OWN)
+    wall = groups(path)["cavity"]
+    for line, bore, middle, end, angle, reach in zip(half_fan(slab), *OWN.values(), strict=True):
+        assert math.degrees(line.angle) == pytest.approx(angle) and line.centre + line.cap == pytest.approx(reach)
+        half = 0.5 * (line.start + line.centre)
+        assert line.radius(line.start) == bore and line.radius(half) == pytest.approx(middle, rel=1e-12)
+        assert line.cap == pytest.approx(end, rel=0.01)
+        c, s = math.cos(line.angle), math.sin(line.angle)
+        along = wall @ [c, s, 0.0]
+        away = np.hypot(wall @ [-s, c, 0.0], wall[:, 2] - slab.offset)
+        near = (along > line.start + 3 * slab.manifold_bore) & (along < line.end) & (away < 2 * line.cap)
+        assert near.sum() > 20
+        assert away[near] == pytest.approx([line.radius(at) for at in along[near]], abs=2e-7)
+        assert along[away < 2 * line.cap].max() == pytest.approx(reach, abs=1e-7)
+    cones = [
+        math.pi / 3 * (cone.end - cone.start) * (cone.bore**2 + cone.bore * (r := line.radius(cone.end)) + r**2)
+        for line in fan(slab)
+        for cone in line.cones
+    ]
+    caps = sum(2 / 3 * math.pi * line.cap**3 for line in fan(slab))
+    arc = math.pi * slab.manifold_bore**2 * (slab.manifold_radius * math.radians(70.0) + 4 / 3 * slab.manifold_bore)
+    assert slab.cavity_volume == pytest.approx(sum(cones) + caps + arc, rel=0.06)
+    assert summarize(path).quality > 0.05
+
+
+def test_lists_are_read_and_written_with_units():
+    slab = SeminarActuator(**COARSE, **OWN)
+    table = to_table(slab)
+    assert table["bores"] == ["0.8 mm", "0.6 mm"] and table["angles"] == ["0 deg", "35 deg"]
+    assert from_table(table) == slab
+    assert from_table({**table, "end_bores": ["600 um", "0.12 cm"]}) == slab
+    with pytest.raises(GeometryError, match=r"bores\[2\].*no unit"):
+        from_table({**table, "bores": ["0.8 mm", 0.6]})
+
+
+def test_lists_stand_between_commas_on_the_command_line():
+    command = click.command()(device_options(SeminarActuator)(lambda **values: device_told(SeminarActuator, values)))
+    given = "--channels 3 --around 5 --bores 0.8mm,600um --middle-bores 1.1mm,0.8mm"
+    given += " --end-bores 0.6mm,1.2mm --angles 0deg,35deg --reaches 4cm,28mm"
+    assert command.main(given.split(), standalone_mode=False) == SeminarActuator(channels=3, around=5.0, **OWN)
+    with pytest.raises(click.BadParameter, match="has no unit"):
+        command.main(["--bores", "0.8mm,0.6"], standalone_mode=False)
+    with pytest.raises(GeometryError, match="--channel-bore means nothing with --bores"):
+        command.main([*given.split(), "--channel-bore", "0.7mm"], standalone_mode=False)
+
+
+def test_parameters_of_a_fan_with_lists():
+    names = parameter_names(SeminarActuator(**COARSE, bores=OWN["bores"], reaches=OWN["reaches"]))
+    assert {"bores[1]", "bores[2]", "reaches[1]", "reaches[2]", "spread", "end_bore"} <= set(names)
+    assert not {"channel_bore", "edge", "angles[1]", "least_wall"} & set(names)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"bores": (0.0007,)}, ("bores has 1 entry", "3 channels", "take 2")),
+        ({"angles": (0.0, 30.0, 40.0)}, ("angles has 3 entries", "take 2")),
+        ({"channels": 1, "angles": (0.0,)}, ("angles", "one channel")),
+        ({"angles": (5.0, 30.0)}, ("angles[1] is 5 deg", "0 deg")),
+        ({"channels": 5, "angles": (0.0, 40.0, 30.0)}, ("angles[3] is 30 deg", "larger than 40 deg")),
+        ({"channels": 4, "angles": (0.0, 30.0)}, ("angles[1] is 0 deg", "larger than 0 deg")),
+        ({"angles": (0.0, 85.0)}, ("angles[2] is 85 deg", "5 and 80 deg")),
+        ({"bores": (0.0007, 0.00085)}, ("bores[2] is 0.85 mm", "0.9 times manifold_bore")),
+        ({"end_bores": (0.001, 0.0035)}, ("end_bores[2] is 3.5 mm", "breaks through the bottom face")),
+        ({"middle_bores": (0.003, 0.001)}, ("middle_bores[1] is 3 mm", "bottom")),
+        ({"reaches": (0.0697, 0.030)}, ("reaches[1] is 69.7 mm", "channel 1", "side")),
+        ({"reaches": (0.040, 0.013)}, ("reaches[2] 13 mm", "channel 2")),
+        ({"angles": (0.0, 6.0)}, ("channels 1 and 2", "break into each other", "angles[2] 6 deg")),
+        ({"bores": (0.0007, 0.0003)}, ("fillet is 0.4 mm", "bores[2] 0.3 mm")),
+        ({"bores": (0.0007, -0.0003)}, ("bores[2]", "larger than 0")),
+        ({"bores": 0.0007}, ("bores is 0.0007", "list")),
+    ],
+)
+def test_impossible_lists_are_refused_by_entry(changes, words):
+    with pytest.raises(GeometryError) as refused:
+        SeminarActuator(**{**COARSE, **changes})
+    assert all(word in str(refused.value) for word in words), refused.value
