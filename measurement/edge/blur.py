@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from measurement.edge.edge import Edge
+from measurement.robust import deviation
 
 Array = npt.NDArray[np.float64]
 
@@ -49,11 +50,11 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     turn = 2.0 * np.arctan2(edge.normal[:, 1], edge.normal[:, 0])
     terms = np.column_stack([np.ones(len(x)), x, z, x**2, np.cos(turn), np.sin(turn)])
     width = np.log(edge.width)
-    usual = 1.4826 * float(np.median(np.abs(width - np.median(width)))) + 1e-3
+    usual = deviation(width - np.median(width)) + 1e-3
     start = np.r_[np.median(width), np.zeros(terms.shape[1] - 1)]
     fit = least_squares(lambda c: (terms @ c - width) / usual, start, jac=lambda c: terms / usual, loss="cauchy").x
     rest = width - terms @ fit
     spacing = float(np.median(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))) * scale
     count = min(max(FEWEST, round(WINDOW / spacing)), len(rest) // 3)
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(rest, count), axis=1)
-    return float(smooth.max()), 1.4826 * float(np.median(np.abs(smooth - np.median(smooth))))
+    return float(smooth.max()), deviation(smooth - np.median(smooth))

@@ -16,6 +16,7 @@ from scipy.signal import savgol_filter
 
 from measurement.edge.edge import BETWEEN, Edge
 from measurement.edge.smoothing import SPAN, robust_loess
+from measurement.robust import deviations
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -109,7 +110,7 @@ def _stretch(edge: Edge, part: slice) -> Line:
     window = min(61, len(off) // 2 * 2 - 1)
     padded = np.pad(off, window // 2, mode="reflect")
     # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
-    local = 1.4826 * np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
+    local = deviations(np.lib.stride_tricks.sliding_window_view(padded, window), 1)
     gain = smooth.error / smooth.scatter
     gain = np.maximum(gain, float(np.median(gain)))  # the ends of a stretch have neighbours on one side only
     # What values between pixels lose of their scatter is in `REPEATED` already.

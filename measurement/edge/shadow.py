@@ -24,6 +24,7 @@ from scipy.stats import chi2
 from skimage.filters import threshold_otsu
 
 from measurement.camera.pixels import Unmeasurable
+from measurement.robust import deviation, deviations
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -109,7 +110,7 @@ def robust_covariance(samples: Array, kept: float = 0.75) -> tuple[Array, Array]
     scaled to be right for normally distributed samples.
     """
     centre = np.median(samples, axis=0)
-    spread = np.maximum(1.4826 * np.median(np.abs(samples - centre), axis=0), FLOOR)
+    spread = np.maximum(deviations(samples - centre, 0), FLOOR)
     covariance = np.diag(spread**2)
     count = max(4, int(kept * len(samples)))
     for _ in range(10):
@@ -236,7 +237,7 @@ def _smooth_light(brightness: Array, lit: Mask) -> Array:
     coefficients = np.linalg.lstsq(terms[chosen], value, rcond=None)[0]
     for _ in range(2):  # dust and what lies beside the screen must not tilt it
         residual = value - terms[chosen] @ coefficients
-        near = np.abs(residual) < 2.5 * max(1.4826 * float(np.median(np.abs(residual))), 0.01)
+        near = np.abs(residual) < 2.5 * max(deviation(residual), 0.01)
         coefficients = np.linalg.lstsq(terms[chosen][near], value[near], rcond=None)[0]
     surface = terms @ coefficients
     return np.exp(np.clip(surface - np.median(surface[lit]), -2.0, 1.0))

@@ -13,6 +13,7 @@ from scipy.ndimage import binary_dilation
 from scipy.signal import savgol_filter
 
 from measurement.outline.shape import ON_SURFACE
+from measurement.robust import deviation
 
 Array = npt.NDArray[np.float64]
 
@@ -85,7 +86,7 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     clamped[: far // 2] = clamped[-(far // 2) :] = True
     if np.count_nonzero(~clamped) < 2 * far:
         return 0, 0.0, 0.0
-    scatter = 1.4826 * float(np.median(np.abs(off[~clamped])))
+    scatter = deviation(off[~clamped])
     worst = int(np.argmax(np.abs(off) * ~clamped))
     return int(np.argmin(np.abs(arc - at[worst]))), float(off[worst]), scatter
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from measurement.camera.pixels import Unmeasurable
 from measurement.outline.zero import ZeroLine
+from measurement.robust import deviation
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -211,7 +212,7 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     free = known & ~_near(arc, np.abs(placed[:, 1]) < 2.0 * ON_SURFACE, window) & (placed[:, 1] > 0.0)
     # One bad point is no corner: the turn must stand over several places.
     lasting = np.min(np.lib.stride_tricks.sliding_window_view(np.pad(beyond * free, 1), 3), axis=1)
-    noise = 1.4826 * float(np.median(beyond[known]))
+    noise = deviation(beyond[known])
     place = int(np.argmax(lasting))
     turned = float(np.degrees(lasting[place]))
     return place, turned if turned > 6.0 * np.degrees(noise) else 0.0

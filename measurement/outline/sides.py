@@ -11,6 +11,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from measurement.robust import deviation, robust_fit
+
 Array = npt.NDArray[np.float64]
 
 STEEP = 0.35
@@ -70,19 +72,9 @@ def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
         part = half & (placed[:, 1] >= bottom) & (placed[:, 1] <= top)
         if part.sum() < FEWEST:
             return None
-        line = _robust_line(placed[part, 1] - depth, placed[part, 0])
-        scatter = 1.4826 * float(np.median(np.abs(placed[part, 0] - line[0] - line[1] * (placed[part, 1] - depth))))
-        variance += (scatter**2 + float(np.median(error[part])) ** 2) * KIN / float(part.sum())
-        lines.append(line)
+        terms = np.column_stack([np.ones(int(part.sum())), placed[part, 1] - depth])
+        line = robust_fit(terms, placed[part, 0], 6)
+        variance += (deviation(line.rest) ** 2 + float(np.median(error[part])) ** 2) * KIN / float(part.sum())
+        lines.append(line.coefficients)
     width, lean = lines[1] - lines[0]
     return Sides(depth, float(width), float(lean), float(np.sqrt(variance)))
-
-
-def _robust_line(at: Array, value: Array) -> Array:
-    terms, weight = np.column_stack([np.ones(len(at)), at]), np.ones(len(at))
-    fit = np.zeros(2)
-    for _ in range(6):
-        fit = np.linalg.lstsq(terms * weight[:, None], value * weight, rcond=None)[0]
-        rest = np.abs(value - terms @ fit)
-        weight = np.sqrt(np.minimum(1.0, 2.0 * (1.4826 * np.median(rest) + 1e-9) / np.maximum(rest, 1e-15)))
-    return np.asarray(fit)

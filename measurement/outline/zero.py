@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from measurement.camera.pixels import Unmeasurable
 from measurement.outline.sides import Sides
+from measurement.robust import deviation
 
 Array = npt.NDArray[np.float64]
 
@@ -91,7 +92,7 @@ class ZeroLine:
         for _ in range(20):
             normal = np.array([-direction[1], direction[0]])
             rest = (points - middle) @ normal
-            scatter = max(1.4826 * float(np.median(np.abs(rest))), 1e-7)
+            scatter = max(deviation(rest), 1e-7)
             weight = 1.0 / (scatter**2 + errors**2) * np.minimum(1.0, 1.5 * scatter / np.maximum(np.abs(rest), 1e-12))
             weight = np.where(np.abs(rest) < max(6.0 * scatter, 1e-5), weight, 0.0)
             middle = weight @ points / weight.sum()

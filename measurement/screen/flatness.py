@@ -1,6 +1,6 @@
 """Is the screen, near the outline, where the setup has it?
 
-`screen.py` asks whether the picture of the whole screen has moved. A screen that bulges, or hot air before it, moves only a
+`movement.py` asks whether the picture of the whole screen has moved. A screen that bulges, or hot air before it, moves only a
 part of it, and the shadow's edge with it. So each printed line is looked at piece by piece, in the light and inside of the
 shadow, and what a piece lies off beyond the whole screen's movement counts for the outline near it.
 """
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from measurement.robust import deviation, robust_fit
 from measurement.screen.grid_look import GridLook
 
 Array = npt.NDArray[np.float64]
@@ -57,14 +58,15 @@ def pieces_of(looks: list[GridLook]) -> Pieces:
     places, offs, errors = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)]
     whole = [_affine(looks[0], axis) for axis in (0, 1)]
     for look in looks:
+        every = np.ones(len(look.shift), dtype=bool)
         found = [
-            _medians(look, axis, look.shift - _terms(look.place, pitch) @ movement)
+            _medians(look, axis, look.shift - look.affine_terms(every) @ movement)
             for axis, movement in enumerate(whole)
             if movement is not None
         ]
         if not sum(len(part[1]) for part in found):
             continue
-        scatter = 1.4826 * float(np.median(np.concatenate([part[2] for part in found])))
+        scatter = deviation(np.concatenate([part[2] for part in found]))
         # The median of n values has pi/2 times the variance of their mean; values about their own median scatter less.
         # A shadow's faint lines are read less well than the lit screen's, so each look has an error of its own.
         error = scatter * np.sqrt(np.pi / 2.0 / PIECE) * 1.25
@@ -108,7 +110,7 @@ def flatness(pieces: Pieces, points: Array) -> tuple[Array, str | None]:
         return np.zeros(len(points)), None
     # What the pieces have in common beyond their noise is the screen's own; far from all of them a point has more of it.
     best = pieces.error <= pieces.error.min()
-    common2 = (1.4826 * float(np.median(np.abs(pieces.off[best])))) ** 2 - float(pieces.error.min()) ** 2
+    common2 = deviation(pieces.off[best]) ** 2 - float(pieces.error.min()) ** 2
     far = cKDTree(pieces.place).query(points)[0] / (FADES * pieces.pitch)
     error = np.sqrt(max(0.0, common2)) * np.minimum(1.0, far)
     near, _ = cKDTree(points).query(pieces.place, distance_upper_bound=NEAR * pieces.pitch)
@@ -127,20 +129,9 @@ def flatness(pieces: Pieces, points: Array) -> tuple[Array, str | None]:
     )
 
 
-def _terms(place: Array, pitch: float) -> Array:
-    return np.column_stack([np.ones(len(place)), place / pitch])
-
-
 def _affine(look: GridLook, axis: int) -> Array | None:
     """Movement (3,) of the whole screen along one axis: a constant and its growth along X and Z; None if too little is seen."""
     mine = look.axis == axis
     if mine.sum() < 4 * PIECE:
         return None
-    terms, shift = _terms(look.place[mine], look.pitch), look.shift[mine]
-    weight, fit = np.ones(len(shift)), np.zeros(3)
-    for _ in range(8):
-        fit = np.linalg.lstsq(terms * weight[:, None], shift * weight, rcond=None)[0]
-        rest = np.abs(shift - terms @ fit)
-        scatter = 1.4826 * float(np.median(rest)) + 1e-9
-        weight = np.sqrt(np.minimum(1.0, 2.0 * scatter / np.maximum(rest, 1e-15)))
-    return np.asarray(fit)
+    return robust_fit(look.affine_terms(mine), look.shift[mine], 8).coefficients

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
 from measurement.camera.camera import Camera, Points
+from measurement.robust import deviation
 from measurement.screen.grid_error import FEWEST, GridError
 from measurement.screen.grid_lines import reduced
 from measurement.screen.plane import Plane, PlaneError
@@ -232,7 +233,7 @@ def _fit_line(shown: Points, across: Points, along: Points, depth: float) -> tup
         design = np.column_stack([np.ones(good.sum()), along[good]])
         answer = np.linalg.lstsq(design, places[good])[0]
         missed = places - answer[0] - answer[1] * along
-        spread = 1.4826 * float(np.median(np.abs(missed[good]))) + 1e-3
+        spread = deviation(missed[good]) + 1e-3
         wanted = good & (np.abs(missed) < 3.5 * spread)
         if np.array_equal(wanted, good):
             break
@@ -250,7 +251,7 @@ def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
         return ~known
     # The sides are compared over seven cuts at once, and no more strictly than noise allows.
     smooth = median_filter(np.where(known, difference, np.inf), size=7, mode="nearest")
-    noise = 1.4826 * float(np.median(np.abs(difference[known] - np.median(difference[known])))) / np.sqrt(7.0)
+    noise = deviation(difference[known] - np.median(difference[known])) / np.sqrt(7.0)
     return maximum_filter(np.abs(smooth) > np.clip(4.0 * noise, 0.06 * depth, 0.35 * depth), size=5, mode="nearest")
 
 

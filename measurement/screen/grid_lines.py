@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from measurement.camera.camera import Camera, Points
+from measurement.robust import deviations
 from measurement.screen.grid_error import GridError
 
 LONGER_SIDE = 1000
@@ -123,7 +124,7 @@ def _local_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     blocks = np.abs(depth[: height // BLOCK * BLOCK, : width // BLOCK * BLOCK]).reshape(
         height // BLOCK, BLOCK, width // BLOCK, BLOCK
     )
-    noise = 1.4826 * np.median(blocks, axis=(1, 3)).astype(np.float32)
+    noise = deviations(blocks, (1, 3)).astype(np.float32)
     return cv2.resize(noise, (width, height), interpolation=cv2.INTER_LINEAR)
 
 

@@ -14,9 +14,9 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from measurement.camera.pixels import LIGHT, Pixels, sample_light
+from measurement.robust import deviations
 from measurement.screen.line_shape import LineShape
-from measurement.screen.setup import Setup
+from measurement.screen.view import View
 
 Array = npt.NDArray[np.float64]
 
@@ -61,28 +61,9 @@ class GridLook:
     distance: Array
     offsets: tuple[dict[int, float], dict[int, float]]
 
-    def movement(self) -> tuple[float, float]:
-        """How far the picture of the screen has moved since the setup, and what of the shifts that leaves, both in m.
-
-        Returns:
-            Root mean square of the affine movement that fits the shifts best, over the places where lines were seen, and
-            the root mean square of the rest; infinite where too few lines were seen.
-        """
-        moved2, rest2 = 0.0, 0.0
-        for axis in (0, 1):
-            mine = self.axis == axis
-            if mine.sum() < 12:
-                return np.inf, np.inf
-            terms = np.column_stack([np.ones(mine.sum()), self.place[mine] / self.pitch])
-            shift, weight = self.shift[mine], np.ones(mine.sum())
-            for _ in range(6):
-                fit = terms @ np.linalg.lstsq(terms * weight[:, None], shift * weight, rcond=None)[0]
-                rest = np.abs(shift - fit)
-                scatter = 1.4826 * float(np.median(rest)) + 1e-9
-                weight = np.sqrt(np.minimum(1.0, 2.0 * scatter / np.maximum(rest, 1e-15)))
-            moved2 += float(np.mean(fit**2))
-            rest2 += float(np.mean(np.minimum(rest, 5.0 * scatter) ** 2))
-        return np.sqrt(moved2), np.sqrt(rest2)
+    def affine_terms(self, chosen: npt.NDArray[np.bool_]) -> Array:
+        """Terms (m, 3) of an affine function over those places where a line was seen, in pitches."""
+        return np.column_stack([np.ones(int(chosen.sum())), self.place[chosen] / self.pitch])
 
     @property
     def line_reach(self) -> float:
@@ -113,69 +94,94 @@ class GridLook:
         return 1.0 - darkest * (1.0 - (1.0 - cover[0]) * (1.0 - cover[1]))
 
 
-def look_at_grid(
-    image: Pixels,
-    setup: Setup,
-    pitch: float,
-    roi: tuple[int, int, int, int],
-    is_lit: npt.NDArray[np.bool_],
-    light: npt.NDArray[np.float32] = LIGHT,
-    reach: float = REACH,
-) -> GridLook:
-    """Look at the grid lines where they should be.
+def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach: float = REACH) -> GridLook:
+    """Look at the grid lines where they should be: at whole multiples of the pitch on the screen.
 
     Args:
-        image: The photograph, shape (h, w, 3).
-        setup: Camera and screen; the lines lie at whole multiples of the pitch on the screen.
+        view: The photograph.
         pitch: Distance of the lines in m.
-        roi: Region x0, y0, x1, y1 in px to look at.
-        is_lit: Where the screen is lit, on the region made smaller.
-        light: Light of every stored number.
+        is_lit: Where lines are looked for, on the region made smaller.
         reach: Half length of a profile across a line, in pitches.
     """
-    x0, y0, x1, y1 = roi
-    columns, rows = np.meshgrid(np.linspace(x0, x1 - 1, 33), np.linspace(y0, y1 - 1, 33))
-    places = setup.to_metres(np.column_stack([columns.ravel(), rows.ravel()])) * setup.magnification
-    places = places[np.isfinite(places).all(axis=1)]
-    low, high = places.min(axis=0) / pitch, places.max(axis=0) / pitch
+    across = np.linspace(-reach * pitch, reach * pitch, SAMPLES)
+    both = []
+    for axis in (0, 1):
+        number, target = _places_on_lines(view, pitch, reach, axis)
+        number, target, points = _profiles_across(view, number, target, across, is_lit, axis)
+        both.append(_family(view, number, target, points, across))
+    expected = sum(family.expected for family in both)
+    shift = np.concatenate([family.shift for family in both])
+    half = SAMPLES // 2
+    return GridLook(
+        pitch,
+        len(shift) / expected if expected else 0.0,
+        np.concatenate([family.place for family in both]),
+        shift,
+        np.repeat([0, 1], [len(family.shift) for family in both]),
+        np.array([0.5 * (family.ink[half:] + family.ink[: half + 1][::-1]) for family in both]),
+        across[half:],
+        (both[0].offsets, both[1].offsets),
+    )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Family:
+    """What is seen of the lines of one direction.
+
+    Attributes:
+        expected: Number of places where a line could be seen.
+        place: Those where one was seen, X and Z in m on the screen, shape (n, 2).
+        shift: Distances in m of the lines from there, shape (n,).
+        ink: Share of light that a line lets through at each sample of a profile, shape (SAMPLES,).
+        offsets: Where each line lies from where it should be in m, by its number.
+    """
+
+    expected: int
+    place: Array
+    shift: Array
+    ink: Array
+    offsets: dict[int, float]
+
+
+def _family(view: View, number: Array, target: Array, points: Array, across: Array) -> _Family:
+    """The lines with these numbers (n,) at places (n, 2), seen in profiles of pixels (n, SAMPLES, 2) across them."""
+    if not len(points):
+        return _Family(0, np.zeros((0, 2)), np.zeros(0), np.ones(SAMPLES), {})
+    centre, ink, clear = _lines_in(view.sample(points).mean(axis=2), across)
+    lines = {int(line): centre[clear & (number == line)] for line in np.unique(number)}
+    offsets = {line: float(np.median(found)) for line, found in lines.items() if len(found) >= 3}
+    return _Family(len(points), target[clear], centre[clear], ink, offsets)
+
+
+def _places_on_lines(view: View, pitch: float, reach: float, axis: int) -> tuple[Array, Array]:
+    """Numbers (n,) of the lines of one direction and places (n, 2) along them in m, wherever the region may show them."""
+    low, high = (end / pitch for end in view.extent())
     along = (np.arange(STATIONS) + 0.5) / STATIONS
     along = along[np.abs(along - 0.5) < 0.5 - 0.6 * reach]
-    across = np.linspace(-reach * pitch, reach * pitch, SAMPLES)
-    expected, seen, inks = 0, [], []
-    offsets: tuple[dict[int, float], dict[int, float]] = ({}, {})
-    for axis in (0, 1):
-        lines = np.arange(np.ceil(low[axis]), np.floor(high[axis]) + 1)
-        gaps = np.arange(np.floor(low[1 - axis]), np.ceil(high[1 - axis]))
-        number, other = (part.ravel() for part in np.meshgrid(lines, (gaps[:, None] + along).ravel(), indexing="ij"))
-        target = np.empty((number.size, 2))
-        target[:, axis], target[:, 1 - axis] = number * pitch, other * pitch
-        pixel = setup.to_pixels(target / setup.magnification)
-        keep = np.isfinite(pixel).all(axis=1) & (pixel > [x0, y0]).all(axis=1) & (pixel < [x1 - 1, y1 - 1]).all(axis=1)
-        number, target, pixel = number[keep], target[keep], pixel[keep]
-        points = np.zeros((0, SAMPLES, 2))
-        if len(pixel):
-            inverse = np.linalg.inv(setup.jacobian(pixel) * setup.magnification)
-            points = pixel[:, None, :] + across[None, :, None] * inverse[:, None, :, axis]
-        keep = _all_lit(points, roi, is_lit)
-        number, target, points = number[keep], target[keep], points[keep]
-        expected += len(points)
-        if not len(points):
-            inks.append(np.ones(SAMPLES))
-            continue
-        centre, ink, clear = _lines_in(sample_light(image, points, light).mean(axis=2), across)
-        inks.append(ink)
-        seen.append((target[clear], centre[clear], np.full(int(clear.sum()), axis)))
-        for line in np.unique(number):
-            of_line = centre[clear & (number == line)]
-            if len(of_line) >= 3:
-                offsets[axis][int(line)] = float(np.median(of_line))
-    place = np.concatenate([part[0] for part in seen]) if seen else np.zeros((0, 2))
-    shift = np.concatenate([part[1] for part in seen]) if seen else np.zeros(0)
-    axes = np.concatenate([part[2] for part in seen]) if seen else np.zeros(0, dtype=np.int64)
-    half = SAMPLES // 2
-    folded = np.array([0.5 * (ink[half:] + ink[: half + 1][::-1]) for ink in inks])
-    share = len(shift) / expected if expected else 0.0
-    return GridLook(pitch, share, place, shift, axes, folded, across[half:], offsets)
+    lines = np.arange(np.ceil(low[axis]), np.floor(high[axis]) + 1)
+    gaps = np.arange(np.floor(low[1 - axis]), np.ceil(high[1 - axis]))
+    number, other = (part.ravel() for part in np.meshgrid(lines, (gaps[:, None] + along).ravel(), indexing="ij"))
+    target = np.empty((number.size, 2))
+    target[:, axis], target[:, 1 - axis] = number * pitch, other * pitch
+    return number, target
+
+
+def _profiles_across(
+    view: View, number: Array, target: Array, across: Array, is_lit: npt.NDArray[np.bool_], axis: int
+) -> tuple[Array, Array, Array]:
+    """Those of the lines and places whose profiles lie in what is looked at, and the profiles' pixels (n, SAMPLES, 2)."""
+    pixel = view.setup.to_pixels(target / view.setup.magnification)
+    keep = np.isfinite(pixel).all(axis=1) & view.inside(pixel)
+    number, target, pixel = number[keep], target[keep], pixel[keep]
+    if not len(pixel):
+        return number, target, np.zeros((0, SAMPLES, 2))
+    inverse = np.linalg.inv(view.setup.jacobian(pixel) * view.setup.magnification)
+    points = pixel[:, None, :] + across[None, :, None] * inverse[:, None, :, axis]
+    some = points[:, :: SAMPLES // 8]
+    index = np.rint(view.reduced(some, is_lit.shape)).astype(np.int64)
+    index = np.clip(index, 0, np.array(is_lit.shape[::-1]) - 1)
+    keep = (view.inside(some, 2.0) & is_lit[index[..., 1], index[..., 0]]).all(axis=1)
+    return number[keep], target[keep], points[keep]
 
 
 def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
@@ -187,7 +193,7 @@ def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np
     base = value[:, ends] @ np.linalg.pinv(basis[ends]).T @ basis.T
     with np.errstate(divide="ignore", invalid="ignore"):
         through = value / base
-    noise = 1.4826 * np.median(np.abs(through[:, ends] - 1.0), axis=1)
+    noise = deviations(through[:, ends] - 1.0, 1)
     kernel = np.ones(5) / 5.0
     smooth = np.apply_along_axis(np.convolve, 1, 1.0 - through, kernel, "same")
     depth = smooth.max(axis=1)
@@ -207,16 +213,6 @@ def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np
     ink = np.median(aligned, axis=0)
     ink = np.where(1.0 - ink > 0.01, ink, 1.0)
     return centre, np.minimum(ink, 1.0), clear
-
-
-def _all_lit(points: Array, roi: tuple[int, int, int, int], is_lit: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    x0, y0, x1, y1 = roi
-    some = points[:, :: SAMPLES // 8]
-    inside = ((some >= [x0 + 2, y0 + 2]) & (some <= [x1 - 3, y1 - 3])).all(axis=2)
-    scale = np.array(is_lit.shape[::-1]) / [x1 - x0, y1 - y0]
-    index = np.rint((some - [x0, y0] + 0.5) * scale - 0.5).astype(np.int64)
-    index = np.clip(index, 0, np.array(is_lit.shape[::-1]) - 1)
-    return (inside & is_lit[index[..., 1], index[..., 0]]).all(axis=1)
 
 
 def _look_up(offsets: dict[int, float], line: npt.NDArray[np.int64]) -> Array:

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.outline.outline import Outline
+from measurement.robust import deviation
 
 Pixels = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float32]
@@ -74,7 +75,7 @@ def prepared(patches: Pixels) -> Sample:
     light = patches.astype(np.float32)
     smooth = np.stack([cv2.GaussianBlur(patch, (0, 0), FINE) for patch in light])
     fine = (light - smooth).ravel()
-    scatter = max(1.4826 * float(np.median(np.abs(fine))), 0.3)
+    scatter = max(deviation(fine), 0.3)
     level = max(float(smooth.max()), 1.0)
     return Sample(np.clip(fine, -5.0 * scatter, 5.0 * scatter).astype(np.float32), (smooth / level).astype(np.float32))
 

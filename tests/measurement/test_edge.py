@@ -8,6 +8,7 @@ from scipy.special import ndtr
 
 from measurement.camera.pixels import TONES, Unmeasurable
 from measurement.edge.edge import coarse_contour, refine_edge
+from measurement.edge.profiles import Shading
 from measurement.edge.shadow import find_shadow
 
 ROWS, COLUMNS = np.indices((240, 320)).astype(float)
@@ -37,7 +38,7 @@ def picture(distance, width=2.5, noise=2.0, seed=0, ink=None):
 def found(image, through=None):
     coarse = find_shadow(LINEAR[image])
     contour = coarse_contour(coarse.mask, coarse.share, 1.0, (0, 0))
-    return refine_edge(image, contour, coarse.colour, through, 1.0, LINEAR)
+    return refine_edge(Shading(image, coarse.colour, through, light=LINEAR), contour, 1.0)
 
 
 @pytest.mark.parametrize("distance", [straight, curved])
@@ -100,4 +101,4 @@ def test_edges_that_are_none():
     image = picture(straight)
     colour = find_shadow(LINEAR[image]).colour
     with pytest.raises(Unmeasurable, match="too small"):
-        refine_edge(image, np.array([[10.0, 10.0], [11.0, 10.0], [12.0, 10.0]]), colour, None, 1.0, LINEAR)
+        refine_edge(Shading(image, colour, light=LINEAR), np.array([[10.0, 10.0], [11.0, 10.0], [12.0, 10.0]]), 1.0)

@@ -7,8 +7,8 @@ import pytest
 
 from measurement.camera.pixels import Unmeasurable
 from measurement.edge.edge import Edge
+from measurement.edge.penumbra import check_steps
 from measurement.edge.shadow import ShadowColour
-from measurement.edge.tracing import _check_steps
 
 COLOUR = ShadowColour(np.full(3, 0.1), np.full(3, 0.8), np.eye(3) * 1e-4)
 WHOLE = 1.0 / float(COLOUR.direction @ COLOUR.lit)
@@ -23,16 +23,16 @@ def edge(part, seed=0):
 def test_one_lamp_and_some_dust_are_no_second_lamp():
     part = np.ones(400)
     part[100:104] = 0.6
-    assert _check_steps(edge(part), COLOUR) == ()
-    assert _check_steps(edge(np.linspace(0.98, 1.02, 400)), COLOUR) == ()
+    assert check_steps(edge(part), COLOUR) == ()
+    assert check_steps(edge(np.linspace(0.98, 1.02, 400)), COLOUR) == ()
 
 
 @pytest.mark.parametrize("share", [0.15, 0.3])
 def test_a_flank_that_a_second_lamp_reaches_is_doubted(share):
     part = np.where(np.arange(400) < 150, 1.0 - share, 1.0)
-    assert "a second lamp" in _check_steps(edge(part), COLOUR)[0]
+    assert "a second lamp" in check_steps(edge(part), COLOUR)[0]
 
 
 def test_an_edge_of_half_a_lamp_is_refused():
     with pytest.raises(Unmeasurable, match="second lamp"):
-        _check_steps(edge(np.full(400, 0.5)), COLOUR)
+        check_steps(edge(np.full(400, 0.5)), COLOUR)

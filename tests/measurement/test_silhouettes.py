@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from measurement.__main__ import main
 from measurement.camera.pixels import TONES, Unmeasurable, read_photograph
 from measurement.edge.edge import coarse_contour, refine_edge
+from measurement.edge.profiles import Shading
 from measurement.edge.shadow import find_shadow
 from measurement.edge.tracing import trace_image
 from measurement.screen.setup import Setup
@@ -52,7 +53,7 @@ def test_maximal_width(drops, setups, tone, figure):
         image = read_photograph(path)
         shadow = find_shadow(TONES[tone][image[y0:y1, x0:x1]], 0.0, None)
         contour = coarse_contour(shadow.mask, shadow.share, 1.0, (x0, y0))
-        edge = refine_edge(image, contour, shadow.colour, None, 1.0, TONES[tone])
+        edge = refine_edge(Shading(image, shadow.colour, light=TONES[tone]), contour, 1.0)
         found = np.ptp(setup.to_metres(edge.px)[:, 0])
         figure("published widths of back-lit drops", f"width, tone {tone}", found / width - 1, 0.005)
 

@@ -14,18 +14,14 @@ LINES, FUNCTION_LINES, PARAMETERS, ENTRIES = 300, 60, 7, 15
 PACKAGES = [Path(package.__file__).parent for package in (softmodels, measurement, geometries)]
 
 LONG_FILES = {
-    "measurement/edge/tracing.py",
     "measurement/own_folder.py",
     "measurement/synthetic/bench.py",
 }
 LONG_FUNCTIONS = {
-    "measurement/edge/edge.py: _erf_fit",
     "measurement/screen/calibration.py: calibrate",
-    "measurement/screen/grid_look.py: look_at_grid",
     "measurement/series/photo.py: outline_of",
 }
 MANY_PARAMETERS = {
-    "measurement/edge/edge.py: _fit",
     "measurement/screen/grid_crossings.py: _profiles",
 }
 
