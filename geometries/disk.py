@@ -21,15 +21,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.disk_cells import expected_cells
-from geometries.disk_checks import check_disk
-from geometries.fields import angle_field, choice_field, length_field, number_field
+from geometries.disk_checks import check_disk, clearances
+from geometries.disk_outline import carried
+from geometries.fields import angle_field, choice_field, length_field, list_field, number_field
+from geometries.membrane_profile import MembraneTop
+from geometries.parameters import parameter_names
 from geometries.registry import register
 
 
@@ -54,6 +57,12 @@ class HollowDisk(Actuator):
     fillet: float = length_field(0.001, "radius of the rounding at the membrane's root; 0 for none", zero=True)
     base_fillet: float = length_field(
         0.001, "radius of the rounding at the edge of the cavity's floor; 0 for none", zero=True
+    )
+    profile: tuple[float, ...] = list_field(
+        (),
+        "thickness of the membrane at equally spaced radii from the axis to the cavity's edge, in shares of membrane; a smooth "
+        "top face passes through them, the ceiling stays flat; uniform if not given",
+        numbers=True,
     )
     cell_size: float = length_field(0.003, "edge length of the cells far from the membrane's root", shape=False)
     refinement: float = number_field(2.0, "how many times smaller the cells at the membrane's root are", shape=False)
@@ -131,8 +140,13 @@ class HollowDisk(Actuator):
 
     @property
     def height(self) -> float:
-        """Height of the whole disk in m."""
-        return self.base + self.cavity_height + self.membrane
+        """Height of the disk in m at its rim; the membrane's top is elsewhere only with a `profile`."""
+        return self.ceiling + self.membrane * (self.profile[-1] if self.profile else 1.0)
+
+    @property
+    def membrane_top(self) -> MembraneTop:
+        """The membrane's top face as height over radius."""
+        return MembraneTop(self.cavity_radius, self.ceiling, self.membrane, self.profile or (1.0,))
 
     @property
     def radial(self) -> Vector:
@@ -168,7 +182,8 @@ class HollowDisk(Actuator):
 
     @property
     def probes(self) -> dict[str, Vector]:
-        return {"apex": (0.0, 0.0, self.height), "ceiling": (0.0, 0.0, self.ceiling)}
+        apex = self.ceiling + self.membrane * (self.profile[0] if self.profile else 1.0)
+        return {"apex": (0.0, 0.0, apex), "ceiling": (0.0, 0.0, self.ceiling)}
 
     @property
     def cavity_volume(self) -> float:
@@ -177,10 +192,14 @@ class HollowDisk(Actuator):
 
     @property
     def solid_volume(self) -> float:
-        return math.pi * self.outer_radius**2 * self.height - self.cavity_volume
+        uniform = math.pi * self.outer_radius**2 * self.height - self.cavity_volume
+        if not self.profile:
+            return uniform
+        edge = self.height - self.ceiling
+        return uniform + self.membrane_top.volume - math.pi * self.cavity_radius**2 * edge
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points lie on the top face's straight line from the axis along the slice's beginning.
+        """Tell which points lie on the top face's line from the axis along the slice's beginning.
 
         The line runs over the membrane and the wall to the outer radius; see `Actuator.on_profile`.
         """
@@ -189,7 +208,8 @@ class HollowDisk(Actuator):
         near = 1e-9 * self.outer_radius
         along = points[:, 0] * x + points[:, 1] * y
         across = points[:, 1] * x - points[:, 0] * y
-        return (np.abs(points[:, 2] - self.height) < near) & (np.abs(across) < near) & (along > -near)
+        top = self.membrane_top.height(along) if self.profile else self.height
+        return (np.abs(points[:, 2] - top) < near) & (np.abs(across) < near) & (along > -near)
 
     deviations: ClassVar = {
         "offset": "how far the cavity sits too high in a part of the same height: the membrane loses what the base gains"
@@ -199,7 +219,22 @@ class HollowDisk(Actuator):
         device = super().made({name: value for name, value in values.items() if name != "offset"})
         assert isinstance(device, HollowDisk)
         high = values.get("offset", 0.0)
-        return dataclasses.replace(device, base=device.base + high, membrane=device.membrane - high)
+        left = device.membrane - high
+        # The top stays where it is, so every thickness loses the same.
+        shares = tuple((share * device.membrane - high) / left for share in device.profile) if left else device.profile
+        return dataclasses.replace(device, base=device.base + high, membrane=left, profile=shares)
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        return tuple(name for name in parameter_names(self) if getattr(self, name, None) != 0.0)
+
+    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the boundary at the same share of the same edge of the other's outline; see `Actuator.carried`."""
+        return carried(self, other, points)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        return clearances(self)
 
     variable: ClassVar[tuple[str, ...]] = ("membrane",)
 

@@ -11,6 +11,9 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 if TYPE_CHECKING:
     from geometries.disk import HollowDisk
 
@@ -23,15 +26,29 @@ GROWTH = 0.5
 ALONG_ARC = 2
 """Cells along the fillet's quarter circle; two curved ones follow it within a thousandth of its radius."""
 
+SAMPLES = 257
+"""Radii at which the size in a membrane of varying thickness is known; straight lines between them."""
 
 TRIANGLE, TETRAHEDRON = 0.43, 0.12
 """Area and volume of a regular cell with edges of length 1."""
 
 
 def part_size(disk: HollowDisk, part: str) -> float:
-    """Return the cell size in m inside "membrane", "base" or "wall"."""
-    thickness: float = getattr(disk, part)
+    """Return the cell size in m inside "membrane" (at its root), "base" or "wall"."""
+    thickness: float = disk.height - disk.ceiling if part == "membrane" and disk.profile else getattr(disk, part)
     return min(disk.cell_size, thickness / THROUGH)
+
+
+def membrane_sizes(disk: HollowDisk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return radii from the axis to the cavity's edge and the cell size in the membrane there, in m.
+
+    There are `THROUGH` cells through the thickness, none longer than the distance of a profile's entries, and the size grows
+    no faster than `GROWTH` along the radius.
+    """
+    radii = np.linspace(0.0, disk.cavity_radius, SAMPLES)
+    longest = min(disk.cell_size, disk.cavity_radius / max(len(disk.profile) - 1, 1))
+    sizes = np.minimum(longest, disk.membrane_top.thickness(radii) / THROUGH)
+    return radii, (sizes + GROWTH * np.abs(radii[:, None] - radii)).min(axis=1)
 
 
 def roots(disk: HollowDisk) -> list[tuple[float, float, float]]:
@@ -55,10 +72,12 @@ def _arc_size(fillet: float) -> float:
 def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
     """Return the cell size in m as a function of radius and height in m."""
     radius, floor, ceiling, far = disk.cavity_radius, disk.base, disk.ceiling, disk.cell_size
-    membrane, base, wall = (part_size(disk, part) for part in ("membrane", "base", "wall"))
+    root, base, wall = (part_size(disk, part) for part in ("membrane", "base", "wall"))
     rings = roots(disk)
+    radii, sizes = membrane_sizes(disk)
 
     def size(r: float, z: float) -> float:
+        membrane = float(np.interp(r, radii, sizes)) if disk.profile else root
         return min(
             far,
             membrane + GROWTH * max(0.0, ceiling - z, r - radius),
@@ -73,22 +92,29 @@ def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
 def expected_cells(disk: HollowDisk) -> float:
     """Return a rough number of cells (within a factor of about two), from the sizes alone."""
     radius, outer = disk.cavity_radius, disk.outer_radius
-    upper = disk.cavity_height + disk.membrane
+    upper = disk.height - disk.base
+    if disk.profile:
+        radii, sizes = membrane_sizes(disk)
+        thickness = disk.membrane_top.thickness(radii)
+        around = 2.0 * math.pi * radii if disk.dimension == 3 else 1.0
+        membrane = float(np.trapezoid(around * thickness / sizes**disk.dimension, radii))
+    else:
+        space = math.pi * radius**2 if disk.dimension == 3 else radius
+        membrane = space * disk.membrane / part_size(disk, "membrane") ** disk.dimension
     if disk.dimension == 2:
-        areas = {"membrane": radius * disk.membrane, "base": outer * disk.base, "wall": disk.wall * upper}
+        areas = {"base": outer * disk.base, "wall": disk.wall * upper}
         # Three quarters of a disk around each root, then rings of growing cells.
         rings = sum(
             1.5 * math.pi * (0.5 * (core / cell) ** 2 + math.log(max(disk.cell_size / cell, 1.0)) / GROWTH**2)
             for _, cell, core in roots(disk)
         )
-        return (rings + sum(area / part_size(disk, part) ** 2 for part, area in areas.items())) / TRIANGLE
+        return (rings + membrane + sum(area / part_size(disk, part) ** 2 for part, area in areas.items())) / TRIANGLE
     share = disk.angle / 360.0
     volumes = {
-        "membrane": math.pi * radius**2 * disk.membrane,
         "base": math.pi * outer**2 * disk.base,
         "wall": math.pi * (outer**2 - radius**2) * upper,
     }
-    bulk = sum(volume / part_size(disk, part) ** 3 for part, volume in volumes.items())
+    bulk = membrane + sum(volume / part_size(disk, part) ** 3 for part, volume in volumes.items())
     ring = sum(
         2.0 * math.pi * radius * 1.5 * math.pi * (0.5 * core**2 / cell**3 + 0.5 / (GROWTH**2 * cell))
         for _, cell, core in roots(disk)

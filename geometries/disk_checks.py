@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from geometries.disk_cells import expected_cells
 from geometries.errors import GeometryError
 from geometries.fields import LONGEST, shown
+from geometries.kinds import ROUNDING, SHORTEST
 
 if TYPE_CHECKING:
     from geometries.disk import HollowDisk
@@ -23,6 +26,15 @@ NARROWEST = 5.0
 COARSEST = 10.0
 """Largest ratio of the cell size to the thinnest part; the size grades too steeply beyond it."""
 
+FEWEST, MOST = 2, 12
+"""Entries of a membrane's profile."""
+
+LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0
+"""Smallest and largest entry of a membrane's profile."""
+
+PARTS = ("", "a quarter of the way", "half way", "three quarters of the way")
+"""Of the way from an entry of a membrane's profile to the next, where its thickness is a clearance."""
+
 
 def check_disk(disk: HollowDisk) -> None:
     """Check a disk's parameters against each other.
@@ -30,10 +42,31 @@ def check_disk(disk: HollowDisk) -> None:
     Raises:
         GeometryError: The first parameter found impossible, with its value and the limit.
     """
+    _check_profile(disk)
     _check_shape(disk)
     if disk.dimension == 3:
         _check_slice(disk)
     _check_cells(disk)
+
+
+def _check_profile(disk: HollowDisk) -> None:
+    if disk.profile and not FEWEST <= len(disk.profile) <= MOST:
+        raise GeometryError(
+            f"profile has {len(disk.profile)} {'entry' if len(disk.profile) == 1 else 'entries'}; it takes {FEWEST} to "
+            f"{MOST}, from the axis to the cavity's edge, or none for a uniform membrane"
+        )
+    for k, share in enumerate(disk.profile):
+        if not LEAST_SHARE * (1 - ROUNDING) <= share <= LARGEST_SHARE * (1 + ROUNDING):
+            raise GeometryError(
+                f"profile[{k + 1}] is {share:g}; it must lie between {LEAST_SHARE:g} and {LARGEST_SHARE:g} times membrane"
+            )
+    thinnest, _ = disk.membrane_top.extremes
+    if thinnest < SHORTEST * (1 - ROUNDING):
+        listed = ", ".join(f"{share:g}" for share in disk.profile)
+        raise GeometryError(
+            f"profile is {listed}; the smooth line through them leaves a membrane of {shown(max(thinnest, 0.0), 'm')} at its "
+            f"thinnest, and {shown(SHORTEST, 'm')} is the least: let neighbours differ less"
+        )
 
 
 def _check_shape(disk: HollowDisk) -> None:
@@ -49,10 +82,11 @@ def _check_shape(disk: HollowDisk) -> None:
             f"fillet is {shown(disk.fillet, 'm')}; with base_fillet {shown(disk.base_fillet, 'm')} it leaves nothing of "
             f"cavity_height, {shown(disk.cavity_height, 'm')}"
         )
-    for part in ("membrane", "base", "cavity_height"):
-        if getattr(disk, part) > TALLEST * disk.outer_radius:
+    sizes = {"membrane": disk.membrane_top.extremes[1], "base": disk.base, "cavity_height": disk.cavity_height}
+    for part, length in sizes.items():
+        if length > TALLEST * disk.outer_radius:
             raise GeometryError(
-                f"{part} is {shown(getattr(disk, part), 'm')}; more than {TALLEST:g} times the disk's radius, "
+                f"{part} is {shown(length, 'm')}; more than {TALLEST:g} times the disk's radius, "
                 f"{shown(disk.outer_radius, 'm')}, is no disk and looks like a mistaken unit"
             )
     if disk.outer_radius > LONGEST:
@@ -83,11 +117,12 @@ def _check_cells(disk: HollowDisk) -> None:
             f"cell_size is {shown(disk.cell_size, 'm')}; it must not pass cavity_radius, "
             f"{shown(disk.cavity_radius, 'm')}"
         )
-    for part in ("membrane", "base", "wall"):
-        if disk.cell_size > COARSEST * getattr(disk, part):
+    sizes = {"membrane": disk.membrane_top.extremes[0], "base": disk.base, "wall": disk.wall}
+    for part, length in sizes.items():
+        if disk.cell_size > COARSEST * length:
             raise GeometryError(
                 f"cell_size is {shown(disk.cell_size, 'm')}; it must not pass {COARSEST:g} times {part}, "
-                f"{shown(getattr(disk, part), 'm')}"
+                f"{shown(length, 'm')}"
             )
     expected = expected_cells(disk)
     if expected > MOST_CELLS:
@@ -95,3 +130,34 @@ def _check_cells(disk: HollowDisk) -> None:
             f"cell_size is {shown(disk.cell_size, 'm')} with refinement {disk.refinement:g} and fillet "
             f"{shown(disk.fillet, 'm')}; about {expected:.2g} cells are expected and {MOST_CELLS:,} are allowed"
         )
+
+
+def clearances(disk: HollowDisk) -> dict[str, float]:
+    """Dimensions in m that have a least value; see `geometries.Actuator.clearances`.
+
+    A membrane with a profile has one at each entry and three between neighbours, where the smooth line may dip. Where they
+    are a fifth of the membrane or more, none of thousands of random profiles dipped to zero anywhere.
+    """
+    found = {"base": disk.base, "wall": disk.wall, "height of the cavity": disk.cavity_height}
+    return (
+        found
+        | _membrane_clearances(disk)
+        | {
+            "straight part of the cavity's side": disk.cavity_height - disk.fillet - disk.base_fillet,
+            "flat part of the cavity's ceiling": disk.cavity_radius - disk.fillet,
+            "flat part of the cavity's floor": disk.cavity_radius - disk.base_fillet,
+        }
+    )
+
+
+def _membrane_clearances(disk: HollowDisk) -> dict[str, float]:
+    if not disk.profile:
+        return {"membrane": disk.membrane}
+    gaps = len(disk.profile) - 1
+    thickness = disk.membrane_top.thickness(disk.cavity_radius * np.linspace(0.0, 1.0, len(PARTS) * gaps + 1))
+    names = [f"membrane at entry {k} of profile" for k in range(1, gaps + 2)]
+    between = [
+        f"membrane {part} from entry {k} to entry {k + 1} of profile" for k in range(1, gaps + 1) for part in PARTS[1:]
+    ]
+    inner = np.delete(thickness, np.s_[:: len(PARTS)])
+    return dict(zip([*names, *between], [*thickness[:: len(PARTS)].tolist(), *inner.tolist()], strict=True))

@@ -4,49 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geometries.disk_cells import size_function
+from geometries.disk_outline import Edge, Place, outline
 from geometries.errors import MeshingError
 
 if TYPE_CHECKING:
     from geometries.disk import HollowDisk
 
-Place = tuple[float, float]
-
 WIDEST_PIECE = 90.0
 """Largest angle in degrees turned at once: the CAD kernel leaves a seam in a full turn, and no vertex at its centre."""
-
-
-class Edge(NamedTuple):
-    """An edge of the half profile from ``start`` to ``end`` in (radius, height), round about ``centre`` if given."""
-
-    role: str
-    start: Place
-    end: Place
-    centre: Place | None = None
-
-
-def outline(disk: HollowDisk) -> list[Edge]:
-    """Return the closed half profile in m, counted against the clock from the bottom centre."""
-    inner, outer, fillet, lower = disk.cavity_radius, disk.outer_radius, disk.fillet, disk.base_fillet
-    floor, ceiling, top = disk.base, disk.ceiling, disk.height
-    arc = [Edge("cavity", (inner - fillet, ceiling), (inner, ceiling - fillet), (inner - fillet, ceiling - fillet))]
-    foot = [Edge("cavity", (inner, floor + lower), (inner - lower, floor), (inner - lower, floor + lower))]
-    return [
-        Edge("support" if disk.support == "base" else "outer", (0.0, 0.0), (outer, 0.0)),
-        Edge("outer", (outer, 0.0), (outer, top)),
-        Edge("top", (outer, top), (0.0, top)),
-        Edge("axis", (0.0, top), (0.0, ceiling)),
-        Edge("cavity", (0.0, ceiling), (inner - fillet, ceiling)),
-        *(arc if fillet > 0.0 else []),
-        Edge("cavity", (inner, ceiling - fillet), (inner, floor + lower)),
-        *(foot if lower > 0.0 else []),
-        Edge("cavity", (inner - lower, floor), (0.0, floor)),
-        Edge("axis", (0.0, floor), (0.0, 0.0)),
-    ]
 
 
 def build_profile(disk: HollowDisk) -> None:
@@ -101,18 +71,24 @@ def _face(
             points[place] = occ.addPoint(*(place[0] * a + place[1] * b for a, b in zip(right, up, strict=True)))
         return points[place]
 
+    def curve(edge: Edge) -> int:
+        if edge.inner is not None:
+            helpers.extend(edge.inner)
+            return int(occ.addBezier([corner(place) for place in (edge.start, *edge.inner, edge.end)]))
+        if edge.centre is not None:
+            helpers.append(edge.centre)
+            return int(occ.addCircleArc(corner(edge.start), corner(edge.centre), corner(edge.end)))
+        return int(occ.addLine(corner(edge.start), corner(edge.end)))
+
     curves: dict[str, list[int]] = defaultdict(list)
+    helpers: list[Place] = []
     loop = []
     for edge in outline(disk):
-        if edge.centre is None:
-            curve = occ.addLine(corner(edge.start), corner(edge.end))
-        else:
-            curve = occ.addCircleArc(corner(edge.start), corner(edge.centre), corner(edge.end))
-        curves[edge.role].append(curve)
-        loop.append(curve)
+        loop.append(curve(edge))
+        curves[edge.role].append(loop[-1])
     face = occ.addPlaneSurface([occ.addCurveLoop(loop)])
-    # The centre of the fillet would otherwise stay as a lone node of the mesh.
-    occ.remove([(0, points[edge.centre]) for edge in outline(disk) if edge.centre is not None])
+    # Centres of fillets and the like would otherwise stay as lone nodes of the mesh.
+    occ.remove([(0, points[place]) for place in helpers])
     return face, curves, points
 
 
@@ -141,12 +117,14 @@ def _surface_role(disk: HollowDisk, tag: int) -> str:
         along = outward * np.cross(disk.lift, normal)
         if np.abs(corners @ normal).max() < near and abs(centre @ normal) < near and centre @ along > 0.0:
             return plane.name
-    heights, radii = corners[:, 2], np.hypot(corners[:, 0], corners[:, 1])
-    if np.abs(heights).max() < near:
-        return "support" if disk.support == "base" else "outer"
-    if np.abs(heights - disk.height).max() < near:
-        return "top"
-    return "outer" if np.abs(radii - disk.outer_radius).max() < near else "cavity"
+    ends = np.column_stack([np.hypot(corners[:, 0], corners[:, 1]), corners[:, 2]])
+
+    def apart(edge: Edge) -> float:
+        """How far the face is from being the edge turned: both have the same ends."""
+        distances = np.linalg.norm(ends[:, None] - np.array([edge.start, edge.end]), axis=2)
+        return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
+
+    return min(outline(disk), key=apart).role
 
 
 def _name_rim(disk: HollowDisk) -> None:

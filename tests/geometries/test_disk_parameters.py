@@ -44,6 +44,17 @@ REFUSED = [
     ({"support": "rope"}, "support", "rope"),
     ({"membrane": "6 mm"}, "membrane", "6 mm"),
     ({"membrane": None}, "membrane", "None"),
+    ({"profile": (1,)}, "profile", "1 entry"),
+    ({"profile": (1,) * 13}, "profile", "13 entries"),
+    ({"profile": (1, 0.05)}, "profile[2]", "0.05"),
+    ({"profile": (1, 1, 11)}, "profile[3]", "11"),
+    ({"profile": (-1, 1)}, "profile[1]", "-1"),
+    ({"profile": (10, 0.1, 0.1, 10)}, "profile", "leaves a membrane of 0 mm"),
+    ({"profile": (0.1, 1), "membrane": 0.002}, "cell_size", "0.2 mm"),
+    ({"profile": (10, 10), "membrane": 0.05}, "membrane", "500 mm"),
+    ({"profile": 1.0}, "profile", "1.0"),
+    ({"profile": (1, "thick")}, "profile", "thick"),
+    ({"profile": (1, math.nan)}, "profile", "nan"),
 ]
 
 
@@ -82,7 +93,10 @@ def test_any_float_survives_a_table_and_a_toml_file():
     random = np.random.default_rng(7)
     for _ in range(20):
         lengths = {name: random.uniform(0.003, 0.02) for name in ("cavity_radius", "membrane", "base", "wall")}
-        disk = HollowDisk(**lengths, cell_size=0.003, azimuth=random.uniform(-360, 360), angle=360 / 7, refinement=1.7)
+        shares = tuple(random.uniform(0.8, 1.3, random.integers(2, 13))) if random.random() < 0.5 else ()
+        disk = HollowDisk(
+            **lengths, profile=shares, cell_size=0.003, azimuth=random.uniform(-360, 360), angle=360 / 7, refinement=1.7
+        )
         table = to_table(disk)
         text = "\n".join(f"{key} = {value!r}" for key, value in table.items())
         assert from_table(tomllib.loads(text)) == disk
@@ -107,6 +121,8 @@ def test_table_is_friendly():
         ({"device": "HollowDisk", "membrane": 6}, ["membrane", "6", "unit"]),
         ({"device": "HollowDisk", "membrane": "6 kg"}, ["membrane", "6 kg"]),
         ({"device": "HollowDisk", "membrane": [1]}, ["membrane", "[1]"]),
+        ({"device": "HollowDisk", "profile": "1, 2"}, ["profile", "1, 2", "list"]),
+        ({"device": "HollowDisk", "profile": ["1 mm", 2]}, ["profile", "1 mm", "numbers"]),
         ({"device": "HollowDisk", "refinement": "two"}, ["refinement", "two"]),
         ({"device": "HollowDisk", "variant": "huge"}, ["variant", "huge", "shadow"]),
     ],
