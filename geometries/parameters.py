@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from geometries.errors import GeometryError
 from geometries.fields import about
-from geometries.kinds import Quantity, Several
+from geometries.kinds import Length, Quantity, Several
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator
@@ -90,3 +90,10 @@ def _place(device: Actuator, name: str) -> tuple[str, int | None]:
         if length:
             raise GeometryError(f"{words}; {entry[1]} has {length} entries, counted from 1")
     raise GeometryError(f"{words}; it has {', '.join(places) or 'none'}")
+
+
+def is_length(device: Actuator, name: str) -> bool:
+    """Whether a continuous parameter is a length in m, and not an angle or a pure number; GeometryError as `parameter`."""
+    field, place = _place(device, name)
+    kind = about(device)[field].kind
+    return isinstance(kind if place is None or not isinstance(kind, Several) else kind.of, Length)

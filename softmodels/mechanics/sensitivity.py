@@ -94,6 +94,19 @@ class Sensitivity:
         along = self.solver.tangent(state, control, TOLERANCE)
         return along, {name: self._rate(state, control, name) for name in names}
 
+    def material_force(self, name: str) -> tuple[Array, float]:
+        """Derivative of the residual by one of the material's numbers at the state that is loaded.
+
+        Args:
+            name: Of `known_parameters`.
+
+        Returns:
+            Owned entries, shape (n,), dimensionless per SI unit, a view that the next assembly overwrites; and the shear
+            modulus' derivative.
+        """
+        dmu = self._along.turn(self.solver.system.material, name)
+        return self.solver.system.assemble([self._material]), dmu
+
     def _rate(self, state: State, control: Control, name: str) -> Rate:
         eq = self.solver.system
         mu, dmu = eq.stress_unit, 0.0
@@ -103,8 +116,7 @@ class Sensitivity:
             force = eq.assemble(forces) / eq.length_unit
             opened = eq.integral(volume) / eq.length_unit
         else:
-            dmu = self._along.turn(eq.material, name)
-            force, opened = eq.assemble([self._material]), 0.0
+            (force, dmu), opened = self.material_force(name), 0.0
         # The line is meant in Pa and m3; in shear moduli it moves as the shear modulus does.
         gap = -control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
         moved = self.solver.linear_response(-force, gap, TOLERANCE)

@@ -1,0 +1,218 @@
+"""One mesh of a device that is being designed, its states and quantities made ready: it follows designs and judges them."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator, MeshingError
+from geometries.parameters import changed, parameter
+from softmodels.case.case import Case
+from softmodels.design.adjoint import Adjoint
+from softmodels.design.designed_body import DesignedBody
+from softmodels.design.evaluation import DesignFailure
+from softmodels.design.loads import PRESSURE, Load
+from softmodels.design.quantities.base import Quantity, Slopes
+from softmodels.design.quantities.geometric import DeviceQuantity
+from softmodels.design.quantities.limits import OfLimit
+from softmodels.design.states import WorkingStates
+from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path.stability import Stability
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from softmodels.mechanics.system import State
+
+Array = npt.NDArray[np.float64]
+
+MOST_HALVINGS = 4
+"""Halvings of the way from one design to the next before the states are looked for along the whole path."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """A quantity of a design.
+
+    Attributes:
+        value: In its SI unit.
+        gradient: By the parameters, shape (n,); empty if none was asked for.
+        by_material: By the material's numbers.
+    """
+
+    value: float
+    gradient: Array
+    by_material: dict[str, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Question:
+    """What is asked of a design.
+
+    Attributes:
+        names: The parameters that are free.
+        parts: The quantities, each of one state at most.
+        loads: Those of the states.
+        highest: Pressure in Pa up to which a limit point is looked for; 0 for none.
+        materials: Numbers of the material by which derivatives are wanted.
+    """
+
+    names: tuple[str, ...]
+    parts: tuple[Quantity, ...]
+    loads: tuple[Load, ...]
+    highest: float
+    materials: tuple[str, ...]
+
+    @property
+    def working(self) -> float:
+        """The highest pressure in Pa at which the device is judged; 0 for none."""
+        return max((load.value for load in self.loads if load.kind == PRESSURE), default=0.0)
+
+
+class MeshedDesign:
+    """A mesh, its equations and states, and the quantities made ready on it.
+
+    Args:
+        design: The meshed device, undeformed.
+        question: What is asked of it.
+    """
+
+    def __init__(self, design: DesignedBody, question: Question):
+        self.design, self.solver, self.question = design, design.solver, question
+        self.adjoint = Adjoint(design)
+        self.measures = {
+            part: part.measure(design) for part in question.parts if not isinstance(part, OfLimit | DeviceQuantity)
+        }
+        self.states = WorkingStates(design, question.loads, question.highest)
+
+    @classmethod
+    def fresh(cls, case: Case, device: Actuator, question: Question, comm: MPI.Comm) -> MeshedDesign:
+        """A fresh mesh of a device, with its states found along the whole path.
+
+        Raises:
+            DesignFailure: It cannot be meshed, or a load is not met.
+        """
+        from softmodels.mechanics.body import Body
+        from softmodels.mechanics.compiling import compiling
+        from softmodels.mechanics.solver import Solver
+        from softmodels.mechanics.system import System
+
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(comm.bcast(folder)) / "design.msh"
+            try:
+                on_root(comm, lambda: device.write(file))
+            except MeshingError as error:
+                raise DesignFailure(str(error)) from error
+            body = Body.from_file(device, file, comm)
+            comm.barrier()
+        with compiling():
+            solver = Solver(System(body, case.material, case.formulation, case.sheet, case.obstacle))
+            made = cls(DesignedBody(solver), question)
+        try:
+            made.states.trace()
+        except BaseException:
+            made.release()
+            raise
+        return made
+
+    def release(self) -> None:
+        """Give back what PETSc and MPI hold."""
+        self.adjoint.release()
+        self.design.release()
+
+    def follow(self, device: Actuator, depth: int = 0) -> None:
+        """Move the mesh to a device and its states with it, in smaller steps where Newton's method does not follow.
+
+        Raises:
+            GeometryError: The mesh cannot follow.
+            NoConvergence: A state was not found, or cells turn inside out.
+        """
+        motion = self.design.motion
+        before = motion.device
+        motion.move(device)
+        try:
+            if motion.quality() <= 0.0:
+                raise NoConvergence("the moved cells turn inside out")
+            self.states.carry()
+        except NoConvergence:
+            motion.move(before)
+            if depth >= MOST_HALVINGS:
+                raise
+            names = self.question.names
+            halfway = {name: 0.5 * (parameter(before, name) + parameter(device, name)) for name in names}
+            self.follow(changed(before, halfway), depth + 1)
+            self.follow(device, depth + 1)
+
+    def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
+        """Values and gradients of the question's parts by key, and sentences on how far they can be trusted.
+
+        Raises:
+            DesignFailure: A state is unstable.
+        """
+        motion, question = self.design.motion, self.question
+        velocities = motion.boundary_velocities(question.names) if gradients else {}
+        found: dict[str, Judged] = {}
+        notes = []
+        for load in (None, *question.loads):
+            parts = [part for part in self.measures if part.load == load]
+            state = None if load is None or not parts else self._settled(load)
+            for part in parts:
+                slopes = self.measures[part].slopes(state)
+                if slopes.note:
+                    notes.append(f"{part.key}: {slopes.note}")
+                found[part.key] = (
+                    self._whole(part, slopes, velocities) if gradients else Judged(slopes.value, np.zeros(0), {})
+                )
+        for part in question.parts:
+            if isinstance(part, OfLimit):
+                found[part.key] = self._of_limit(part, velocities)
+                if self.states.limit is None:
+                    reached = f"{question.highest / 1e3:.4g} kPa"
+                    notes.append(f"{part.key}: no limit point up to {reached}, which stands in its place")
+            elif isinstance(part, DeviceQuantity):
+                values, columns = part.values(motion.device), part.derivatives(motion.device, question.names)
+                found |= {
+                    key: Judged(value, columns[key] if gradients else np.zeros(0), {}) for key, value in values.items()
+                }
+        return found, notes
+
+    def _settled(self, load: Load) -> State:
+        """The state at a load, its tangent factorised.
+
+        Raises:
+            DesignFailure: The device leaves it by itself.
+        """
+        state = self.states.states[load]
+        self.adjoint.prepare(state)
+        if load.kind == PRESSURE:
+            negative = self.solver.bordered.negative_eigenvalues() - Stability.of(self.solver).constraints
+            if negative:
+                raise DesignFailure(f"the state at {load} is unstable: its tangent has {negative} negative eigenvalues")
+        return state
+
+    def _whole(self, part: Quantity, slopes: Slopes, velocities: dict[str, Array]) -> Judged:
+        """A part with its whole derivatives at the settled state."""
+        names, load = self.question.materials, part.load
+        direct = self.adjoint.by_material(self.measures[part], names) if names and load else dict.fromkeys(names, 0.0)
+        by_length, by_material = self.adjoint.gradient(
+            slopes, PRESSURE if load is None else load.kind, velocities, direct if load else {}
+        )
+        return Judged(slopes.value, np.array([by_length[name] for name in velocities]), by_material or direct)
+
+    def _of_limit(self, part: OfLimit, velocities: dict[str, Array]) -> Judged:
+        question, limit = self.question, self.states.limit
+        factor = part.factor(question.working)
+        if limit is None:
+            return Judged(factor * question.highest, np.zeros(len(velocities)), dict.fromkeys(question.materials, 0.0))
+        pressure = limit.state.P * self.design.system.stress_unit
+        if not velocities:
+            return Judged(factor * pressure, np.zeros(0), {})
+        by_length, by_material = self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, question.materials)
+        rates = factor * np.array([by_length[name] for name in velocities])
+        return Judged(factor * pressure, rates, {name: factor * rate for name, rate in by_material.items()})

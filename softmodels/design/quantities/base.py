@@ -1,0 +1,99 @@
+"""What a design is judged by: a quantity that is named and has a unit, and how it is measured on a meshed device.
+
+One more quantity is one class with `@quantity`, also from outside.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.design.loads import Load
+
+if TYPE_CHECKING:
+    from softmodels.design.designed_body import DesignedBody
+    from softmodels.mechanics.system import State
+
+Array = npt.NDArray[np.float64]
+
+QUANTITIES: dict[str, type[Quantity]] = {}
+"""Every known quantity by its name in problem files."""
+
+
+def quantity[T: type[Quantity]](cls: T) -> T:
+    """Make a quantity known by its name."""
+    QUANTITIES[cls.name] = cls
+    return cls
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Slopes:
+    """A quantity at a state, and its partial derivatives.
+
+    Attributes:
+        value: In SI units.
+        w: By the owned unknowns of the state, shape (n,); None if it does not depend on them.
+        P: By the dimensionless pressure.
+        X: By the dimensionless places of the mesh's nodes at fixed unknowns, flat over `MeshMotion.space`; None for none.
+        note: A sentence on how far the value can be trusted; empty for none.
+    """
+
+    value: float
+    w: Array | None = None
+    P: float = 0.0
+    X: Array | None = None
+    note: str = ""
+
+
+class Measure(abc.ABC):
+    """A quantity made ready on a meshed device: what is compiled once."""
+
+    @abc.abstractmethod
+    def slopes(self, state: State | None) -> Slopes:
+        """Value and derivatives; the state is loaded into the equations. None for what needs no state."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Quantity(abc.ABC):
+    """Something a design is judged by.
+
+    Attributes:
+        at: The state at which it is taken, a `Load` or a pressure in Pa.
+    """
+
+    name: ClassVar[str]
+    unit: ClassVar[str]
+    """SI unit of its values; "1" for a pure number."""
+    help: ClassVar[str]
+    """What it is, a clause."""
+    of_state: ClassVar[bool] = True
+    """Whether it is of a state, so that ``at`` has to be given."""
+
+    at: Load | float | None = None
+
+    def __post_init__(self) -> None:
+        if self.at is not None:
+            object.__setattr__(self, "at", Load.of(self.at))
+
+    @property
+    def load(self) -> Load | None:
+        """The state at which it is taken."""
+        return None if self.at is None else Load.of(self.at)
+
+    @property
+    def title(self) -> str:
+        """What it is without its load, as in ``rise of tip``."""
+        return self.name.replace("_", " ")
+
+    @property
+    def key(self) -> str:
+        """Unique text, as in ``rise of tip at 16.84 kPa``."""
+        return self.title if self.at is None else f"{self.title} at {self.load}"
+
+    @abc.abstractmethod
+    def measure(self, design: DesignedBody) -> Measure:
+        """Make it ready on a meshed device; ValueError with a sentence where the device has no such thing."""

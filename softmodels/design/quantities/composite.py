@@ -1,0 +1,108 @@
+"""Quantities made of others at several states: a mean over loads, the distance from a path that is to be followed."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.design.loads import Load
+from softmodels.design.quantities.base import Measure, Quantity, quantity
+from softmodels.design.quantities.places import AXES, Place
+
+if TYPE_CHECKING:
+    from softmodels.design.designed_body import DesignedBody
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CompositeQuantity(Quantity):
+    """A function of other quantities."""
+
+    of_state: ClassVar = False
+
+    @property
+    @abc.abstractmethod
+    def parts(self) -> tuple[Quantity, ...]:
+        """The others."""
+
+    @abc.abstractmethod
+    def combined(self, values: Array) -> tuple[float, Array]:
+        """Value of the function of the parts' values, and its slopes by them."""
+
+    def measure(self, design: DesignedBody) -> Measure:
+        raise TypeError("a quantity made of others is measured by its parts")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Mean(CompositeQuantity):
+    """Weighted mean of a quantity at several loads.
+
+    Attributes:
+        terms: The quantities.
+        weights: Their weights; equal if empty.
+    """
+
+    name: ClassVar = "mean"
+    unit: ClassVar = "1"
+    help: ClassVar = "weighted mean of a quantity at several loads"
+
+    terms: tuple[Quantity, ...] = ()
+    weights: tuple[float, ...] = ()
+
+    @property
+    def key(self) -> str:
+        return "mean of " + ", ".join(one.key for one in self.terms)
+
+    @property
+    def parts(self) -> tuple[Quantity, ...]:
+        return self.terms
+
+    def combined(self, values: Array) -> tuple[float, Array]:
+        weights = np.array(self.weights or np.ones(len(values)))
+        weights = weights / weights.sum()
+        return float(weights @ values), weights
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TipPath(CompositeQuantity):
+    """Root mean square distance of a probe from a path that it is to follow.
+
+    Attributes:
+        of: The probe; the device's first one if empty.
+        target: Rows of pressure in Pa and the place's coordinates in m; nan where a coordinate is not asked for.
+    """
+
+    name: ClassVar = "tip_path"
+    unit: ClassVar = "m"
+    help: ClassVar = "root mean square distance of a probe from a path that it is to follow"
+
+    of: str = ""
+    target: tuple[tuple[float, float, float, float], ...] = ()
+
+    @property
+    def title(self) -> str:
+        return f"distance of {self.of or 'the tip'} from its path"
+
+    @property
+    def _wanted(self) -> list[tuple[Place, float]]:
+        return [
+            (Place(at=Load.of(row[0]), of=self.of, axis=axis), row[1 + i])
+            for row in self.target
+            for i, axis in enumerate(AXES)
+            if not np.isnan(row[1 + i])
+        ]
+
+    @property
+    def parts(self) -> tuple[Quantity, ...]:
+        return tuple(place for place, _ in self._wanted)
+
+    def combined(self, values: Array) -> tuple[float, Array]:
+        left = values - np.array([there for _, there in self._wanted])
+        value = float(np.sqrt(left @ left / len(self.target)))
+        return value, left / (len(self.target) * value) if value else np.zeros_like(left)

@@ -1,0 +1,52 @@
+"""The pressure at which a device balloons, and how far it is from the pressures it works at."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+from typing import TYPE_CHECKING, ClassVar
+
+from softmodels.design.quantities.base import Measure, Quantity, quantity
+
+if TYPE_CHECKING:
+    from softmodels.design.designed_body import DesignedBody
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OfLimit(Quantity):
+    """Something of the limit point of the pressure."""
+
+    of_state: ClassVar = False
+
+    @abc.abstractmethod
+    def factor(self, working: float) -> float:
+        """By which the limit pressure in Pa is multiplied; ``working`` is the highest working pressure."""
+
+    def measure(self, design: DesignedBody) -> Measure:
+        raise TypeError("a quantity of the limit point follows from that point alone")
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LimitPressure(OfLimit):
+    """Pressure at the first limit point."""
+
+    name: ClassVar = "limit_pressure"
+    unit: ClassVar = "Pa"
+    help: ClassVar = "pressure at the first limit point, where the device balloons"
+
+    def factor(self, working: float) -> float:
+        return 1.0
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LimitMargin(OfLimit):
+    """Limit pressure over the highest working pressure."""
+
+    name: ClassVar = "limit_margin"
+    unit: ClassVar = "1"
+    help: ClassVar = "limit pressure over the highest working pressure"
+
+    def factor(self, working: float) -> float:
+        return 1.0 / working

@@ -1,0 +1,182 @@
+"""The states a design is judged at: found along a path once, then carried from each design to the next."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from softmodels.design.evaluation import DesignFailure
+from softmodels.design.loads import PRESSURE, VOLUME, Load
+from softmodels.mechanics.controls import pressure_control, volume_control
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.points import PathEnd
+from softmodels.path.quantities import AddedVolume
+
+if TYPE_CHECKING:
+    from softmodels.design.designed_body import DesignedBody
+    from softmodels.mechanics.solver import Tangent
+    from softmodels.mechanics.system import State
+
+MOST_SECANTS = 12
+"""Steps of the secant method in which a limit point is found again on the next design."""
+CLOSE = 1e-8
+"""Change of the volume, in shares of what was added, at which the limit point is found: its pressure is exact to the square."""
+FIRST_STEP = 1e-3
+"""The same of the secant's first step."""
+FARTHEST = 0.5
+"""The same of how far it may move from one design to the next; a farther one is looked for along the whole path."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LimitPoint:
+    """A limit point of the pressure: the state, and the path's direction there, which is K's null vector."""
+
+    state: State
+    tangent: Tangent
+
+
+class WorkingStates:
+    """States of a device at given loads, and its limit point if that is wanted.
+
+    Args:
+        design: The meshed device.
+        loads: Where it is judged.
+        highest: Pressure in Pa up to which a limit point is looked for; 0 for none.
+
+    Attributes:
+        states: By load, of the device that the mesh shows.
+        limit: The limit point; None if there is none up to ``highest``, or none is looked for.
+        newton: Newton iterations since `reset`.
+    """
+
+    def __init__(self, design: DesignedBody, loads: Sequence[Load], highest: float = 0.0):
+        self.design, self.system, self.solver = design, design.system, design.solver
+        self.loads, self.highest = tuple(loads), highest
+        self.states: dict[Load, State] = {}
+        self.limit: LimitPoint | None = None
+        self.newton = 0
+        self._rest_volume = 0.0
+
+    # -- along the path -------------------------------------------------------------------------------------------------
+
+    def trace(self) -> None:
+        """Find all of them along paths from the undeformed state.
+
+        Raises:
+            DesignFailure: A load is not met.
+        """
+        self.states, self.limit = {}, None
+        self._rest_volume = self.design.volume_at_rest()
+        by_pressure = sorted(load for load in self.loads if load.kind == PRESSURE)
+        self._trace_pressures(by_pressure)
+        by_volume = sorted(load for load in self.loads if load.kind == VOLUME)
+        if by_volume:
+            self._trace_volumes(by_volume)
+
+    def _trace_pressures(self, loads: Sequence[Load]) -> None:
+        unit = self.system.stress_unit
+        wanted = [load.value / unit for load in loads]
+        top = self.highest / unit
+        if top > 0.0 and (not wanted or top > wanted[-1]):
+            wanted.append(top)
+        if not wanted:
+            return
+        met: list[State] = []
+        limit = None
+        try:
+            for point in trace(Continuation(self.solver), wanted):
+                self.newton += point.state.iterations
+                if point.limit and limit is None:
+                    limit = point
+                if point.requested:
+                    met.append(point.state)
+        except PathEnd as end:
+            limit = limit or end.limit
+            if len(met) < len(loads):
+                raise self._failure(loads[len(met)], end) from end
+        self.states |= dict(zip(loads, met, strict=False))
+        if limit is not None and self.highest:
+            self.limit = self._limit_near(limit.state, limit.tangent)
+
+    def _failure(self, load: Load, end: PathEnd) -> DesignFailure:
+        if end.limit is None:
+            return DesignFailure(f"the path ends before {load}: {end}")
+        pressure = end.limit.state.P * self.system.stress_unit
+        return DesignFailure(f"the pressure has a limit point at {pressure / 1e3:.4g} kPa, before {load}", pressure)
+
+    def _trace_volumes(self, loads: Sequence[Load]) -> None:
+        wanted = [load.value / self.system.volume_unit for load in loads]
+        met: list[State] = []
+        try:
+            for point in trace(Continuation(self.solver, AddedVolume()), wanted):
+                self.newton += point.state.iterations
+                if point.requested:
+                    met.append(point.state)
+        except PathEnd as end:
+            raise DesignFailure(f"the path ends before {loads[len(met)]}: {end}") from end
+        self.states |= dict(zip(loads, met, strict=True))
+
+    # -- from one design to the next ------------------------------------------------------------------------------------
+
+    def carry(self) -> None:
+        """Take the states of the last design as guesses for the one that the mesh shows now.
+
+        Raises:
+            NoConvergence: One of them was not found from there. Nothing has changed then.
+        """
+        before, rest = self._rest_volume, self.design.volume_at_rest()
+        found = {load: self._solve(load, state, rest) for load, state in self.states.items()}
+        limit = None
+        if self.limit is not None:
+            start = self.limit.state
+            moved = dataclasses.replace(start, V=start.V - before + rest)
+            self._rest_volume = rest
+            try:
+                limit = self._limit_near(moved, self.limit.tangent)
+            except NoConvergence:
+                self._rest_volume = before
+                raise
+        self.states, self.limit, self._rest_volume = found, limit, rest
+
+    def _solve(self, load: Load, guess: State, rest: float) -> State:
+        system = self.system
+        if load.kind == PRESSURE:
+            state = self.solver.solve(pressure_control(load.value / system.stress_unit), guess.w, guess.P)
+        else:
+            state = self.solver.solve(volume_control(rest + load.value / system.volume_unit), guess.w, guess.P)
+        self.newton += state.iterations
+        return state
+
+    def _limit_near(self, guess: State, tangent: Tangent) -> LimitPoint:
+        """The limit point near a state, by the secant method on the slope of the pressure over the volume.
+
+        Raises:
+            NoConvergence: It is not near.
+        """
+        added = guess.V - self._rest_volume
+        here = self._on_path(guess, guess.V)
+        step = FIRST_STEP * added
+        for _ in range(MOST_SECANTS):
+            there = self._on_path(here.state, here.state.V + step, here.tangent)
+            rise = (there.tangent.P - here.tangent.P) / (there.state.V - here.state.V)
+            if not rise:
+                break
+            here, step = there, -there.tangent.P / rise
+            if abs(here.state.V + step - guess.V) > FARTHEST * added:
+                break
+            if abs(step) < CLOSE * added:
+                if rise > 0.0:
+                    break  # the pressure is least here
+                return here
+        raise NoConvergence("the limit point is not near where it was on the last design")
+
+    def _on_path(self, guess: State, V: float, tangent: Tangent | None = None) -> LimitPoint:
+        """The state at a volume, and the path's direction there, for one unit of volume."""
+        w, P = guess.w, guess.P
+        if tangent is not None:
+            w, P = w + (V - guess.V) * tangent.w, P + (V - guess.V) * tangent.P
+        state = self.solver.solve(volume_control(V), w, P)
+        self.newton += state.iterations
+        return LimitPoint(state, self.solver.tangent(state, volume_control(V), 1e-10))
