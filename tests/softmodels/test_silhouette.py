@@ -7,9 +7,13 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.outlines.heights import Height, HeightResiduals
+from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
+from softmodels.fitting.outlines.reading import OutlineFitError
 
 SECTION = HollowDisk(section="axisymmetric")
 WEDGE = HollowDisk(angle=30.0, azimuth=20.0)
+CURVED = HollowDisk(section="axisymmetric", profile=(1.1, 0.9, 1.0))
 ADDED = 0.6e-6
 
 
@@ -45,6 +49,23 @@ def test_at_rest_it_is_the_disk(disk, device):
     side = np.abs(curve.nodes[..., 0] - disk.outer_radius) < 1e-9
     assert (top | side).all() and top.any() and side.any()
     assert made.silhouette.width == pytest.approx(disk.outer_radius)
+
+
+def test_outlines_of_a_device_that_is_curved_at_rest_are_refused(device):
+    """A fit would take the dome for a rise; heights, which are the apex's rises, can be fitted."""
+    for disk in (SECTION, WEDGE):
+        assert device(disk).silhouette.unevenness < 1e-12
+    made = device(CURVED)
+    top = CURVED.membrane_top.height(np.linspace(0.0, 0.75 * CURVED.outer_radius, 1001))
+    assert made.silhouette.unevenness == pytest.approx(CURVED.probes["apex"][2] - top.min(), rel=0.02)
+    with pytest.raises(OutlineFitError, match=r"top of the device is 1\.2.* mm from flat.*table of heights"):
+        OutlineResiduals(made, [])
+    source = HeightResiduals(made, [Height("one", 5e3, 1.2e-3), Height("two", 9e3, 2.1e-3)])
+    (first, second) = (
+        made.curve(state, made.lengths).nodes[0, 0, 1]
+        for state in made.states({"shear_modulus": 30e3}, source.pressures, "pressure")
+    )
+    assert 1e-3 < first < second
 
 
 def test_a_slice_shows_what_the_section_shows(device):

@@ -20,13 +20,18 @@ import numpy.typing as npt
 
 from softmodels.fitting.options import BENCH
 from softmodels.fitting.outlines.device_model import DeviceModel
+from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.outlines.shadow import shadow_of
 from softmodels.fitting.outlines.shapes import Shape
+from softmodels.fitting.outlines.silhouette import Silhouette
 from softmodels.fitting.problem import CannotEvaluate
 from softmodels.mechanics.system import State
 from softmodels.results.quadratic_curve import QuadraticCurve
 
 Array = npt.NDArray[np.float64]
+
+UNEVEN = 1e-3
+"""How far from flat an undeformed top may be, in widths of the device."""
 
 READINGS = "pressures"
 """Label of the group of residuals that hold the pressures."""
@@ -40,11 +45,15 @@ class OutlineResiduals:
         shapes: Measured outlines, prepared.
         label: What it is.
 
+    Raises:
+        OutlineFitError: The device's top is not flat when undeformed, and outlines count their heights from a flat one.
+
     Attributes:
         fixed: Parameters whose derivatives nobody needs: their columns stay zero.
     """
 
     def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines"):
+        _check_flat(model.silhouette)
         self.model, self.shapes, self.label = model, tuple(shapes), label
         self.volumes = tuple(f"volume{i + 1}" for i in range(len(shapes)))
         self.parameters = (*model.names, *BENCH, *self.volumes)
@@ -122,6 +131,14 @@ class OutlineResiduals:
                 J[reading, column[name]] = on_reading
             first, reading = rows.stop, reading + 1
         return J
+
+
+def _check_flat(silhouette: Silhouette) -> None:
+    if silhouette.unevenness > UNEVEN * silhouette.width:
+        raise OutlineFitError(
+            f"the undeformed top of the device is {silhouette.unevenness * 1e3:.3g} mm from flat, and heights of outlines "
+            "are counted from a flat surface: fit to the rises of its apex instead, as a table of heights"
+        )
 
 
 class MatchedPhotograph:

@@ -26,12 +26,15 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+MIDDLE = 0.75
+"""Share of a device's width within which its undeformed top is looked at: beyond, edges may be rounded."""
+
 OUTER = "outer"
 """Role of the facets that are neither held nor loaded; those a sheet can be bonded to have roles of their own."""
 
 
 class Silhouette:
-    """The outer curve of a device in the plane of x (distance from its axis) and z (height above its undeformed top).
+    """The outer curve of a device in the plane of x (distance from its axis) and z (height above its undeformed apex).
 
     The curve runs from the axis outwards and down the side wall; the solid is on its right.
 
@@ -103,6 +106,14 @@ class Silhouette:
     def width(self) -> float:
         """Distance of the undeformed curve's farthest node from the axis in m."""
         return float((self.points @ self._along).max())
+
+    @property
+    def unevenness(self) -> float:
+        """How far the undeformed top lies above or below its apex in m, away from the rim; 0 for a flat one."""
+        x, z = np.moveaxis(self._in_plane(self.points - self.top), -1, 0)
+        # Only up to where the curve leaves the middle: what comes back below is no top.
+        on_top = np.cumprod((x < MIDDLE * self.width).all(axis=1)).astype(bool)
+        return float(np.abs(z[on_top]).max(initial=0.0))
 
 
 def _outer_edges(body: Body) -> npt.NDArray[np.int32]:
