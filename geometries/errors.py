@@ -1,15 +1,17 @@
 """What can go wrong with a geometry: parameters that make no device, a mesher that gives up, a file that is no mesh."""
 
+from measurement.wording import Spoken
 
-class FieldError(ValueError):
+
+class FieldError(Spoken, ValueError):
     """A value that its field cannot take, or an entry that no field has; the message is a sentence for the user."""
 
 
-class GeometryError(ValueError):
+class GeometryError(Spoken, ValueError):
     """Parameters that make no device; the message is a sentence for the user naming the field and its value."""
 
 
-class MeshingError(RuntimeError):
+class MeshingError(Spoken, RuntimeError):
     """The mesher failed on parameters that look possible; the message says what failed and what to try."""
 
 
@@ -17,5 +19,5 @@ class MeshingStopped(Exception):
     """The caller asked for an end while a mesh was being made."""
 
 
-class MeshFileError(ValueError):
+class MeshFileError(Spoken, ValueError):
     """A file that is not a mesh as this project writes them; the message is a sentence for the user naming the file."""

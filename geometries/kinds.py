@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from geometries.errors import FieldError
+from measurement import wording
 
 Text = Callable[[float, str], str]
 """Writes a number of a unit, as `measurement.units.exact_text` does for files and `readable` for people."""
@@ -125,6 +126,9 @@ class Choice(Kind):
     """One of some values, all of one type."""
 
     choices: tuple[str | int | float, ...]
+
+    def __post_init__(self) -> None:
+        wording.choices(self.choices)
 
     def settled(self, name: str, value: object) -> str | int | float:
         for known in self.choices:

@@ -15,6 +15,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from measurement.wording import Spoken
+
 try:
     import fcntl
 except ImportError:  # not on Windows
@@ -24,7 +26,7 @@ POLL = 0.2
 """Seconds between two looks at a lock that is waited for."""
 
 
-class InUseError(RuntimeError):
+class InUseError(Spoken, RuntimeError):
     """Another program writes in the folder; the message is a sentence for the user."""
 
 

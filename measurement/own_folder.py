@@ -28,6 +28,7 @@ from measurement.own_files import (
     some,
     version,
 )  # fmt: skip
+from measurement.wording import Spoken
 
 RECORD = f"{HIDDEN}.json"
 FORMAT = 1
@@ -36,7 +37,7 @@ PATIENCE = 600.0
 """Seconds to wait for a program that draws into a folder which is to be replaced."""
 
 
-class OwnFolderError(RuntimeError):
+class OwnFolderError(Spoken, RuntimeError):
     """A folder or a file that is not a program's own, so that it must not be written; the message is a sentence."""
 
 

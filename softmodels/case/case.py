@@ -12,6 +12,7 @@ from typing import Any
 from geometries import Actuator
 from geometries.fields import About
 from geometries.kinds import Choice, Flag, Kind, Quantity
+from measurement import wording
 from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import WATER_DENSITY, exact_text
 from softmodels.case import gauges as gauge_tables
@@ -94,7 +95,9 @@ class Case:
     )  # fmt: skip
     sheet: Sheet | None = dataclasses.field(default=None, metadata=_written(Part(Sheet)))
     strokes_ml: tuple[float, ...] = _series(
-        "stroke_ml", "stroke", "strokes of the syringe's piston in ml, in place of pressures, such as 0:20"
+        "stroke_ml",
+        "stroke",
+        "strokes of the supply, such as a syringe's piston, in ml, in place of pressures, such as 0:20",
     )
     supply: AirSupply | None = dataclasses.field(default=None, metadata=_written(Supply()))
     cycle: bool = _value(
@@ -232,6 +235,11 @@ class Case:
 def entries() -> dict[str, Entry]:
     """How each field of a case is written, by name."""
     return {field.name: field.metadata["entry"] for field in dataclasses.fields(Case)}
+
+
+for _name, _entry in entries().items():
+    for _option, _argument in _entry.arguments(_name).items():
+        wording.call(_option.replace("_", "-"), _argument)
 
 
 def _check_tables(tables: Mapping[str, Any]) -> None:

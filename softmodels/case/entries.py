@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Protocol
 from geometries import Actuator, codec
 from geometries.errors import FieldError
 from geometries.fields import About, about
-from geometries.kinds import Choice, Kind, Text, Words
+from geometries.kinds import Choice, Flag, Kind, Text, Words
 from softmodels.case.ranges import series
 from softmodels.path.air_supply import SUPPLIES, AirSupply, SupplyError
 from softmodels.path.syringe import Syringe
@@ -66,6 +66,14 @@ class Entry(abc.ABC):
     def options(self) -> Iterator[Option]:
         """Options of a command that give it; none unless an entry says so."""
         yield from ()
+
+    def arguments(self, field: str) -> dict[str, str]:
+        """What Python has for its options where that is not an argument of the same name.
+
+        Args:
+            field: The field's name.
+        """
+        return {}
 
     def take(self, options: MutableMapping[str, Any]) -> Any:
         """Take its options out of a command's values; the field's value, or `MISSING` if none was given."""
@@ -126,6 +134,11 @@ class Value(Entry):
         default = None if self.hidden else self.default
         yield Option(self.key, self.about, default, self.metavar)
 
+    def arguments(self, field: str) -> dict[str, str]:
+        if isinstance(self.about.kind, SeriesKind):
+            return {self.key: f"{self.what}s"}  # as the calls have it, with a unit
+        return {self.key: f"{field}=True"} if isinstance(self.about.kind, Flag) else {}
+
     def take(self, options: MutableMapping[str, Any]) -> Any:
         value = options.pop(self.key, None)
         if value is None:
@@ -177,6 +190,9 @@ class Part(Entry):
         given = {name: options.pop(option, None) for name, option in self._names().items()}
         given = {name: value for name, value in given.items() if value is not None}
         return self._made(given) if given else MISSING
+
+    def arguments(self, field: str) -> dict[str, str]:
+        return {option: f"{self.part.__name__}.{name}" for name, option in self._names().items()}
 
     def _names(self) -> dict[str, str]:
         """Options by field."""

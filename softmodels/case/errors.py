@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from geometries.errors import FieldError, GeometryError
+from measurement.wording import Spoken
 from softmodels.case.gauges import GaugeError
 from softmodels.case.ranges import SeriesError
 from softmodels.materials.laws import MaterialError
@@ -11,7 +12,7 @@ from softmodels.path.air_supply import SupplyError
 from softmodels.path.schedule import ProgramError
 
 
-class CaseError(ValueError):
+class CaseError(Spoken, ValueError):
     """Bad input, found before anything is solved; the message is a sentence for the user."""
 
 

@@ -26,6 +26,7 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
 from geometries.selections import Faces, faces, point
+from measurement.wording import Spoken
 
 Array = npt.NDArray[np.float64]
 Line = tuple[str, str]
@@ -33,7 +34,7 @@ Line = tuple[str, str]
 NAME = r"[A-Za-z]\w*"
 
 
-class GaugeError(ValueError):
+class GaugeError(Spoken, ValueError):
     """Points, angles or a profile that cannot be told; the message is a sentence for the user."""
 
 

@@ -60,6 +60,11 @@ class Load:
         return PRESSURE if self.pressures_cm else VOLUME if self.volumes_ml else STROKE
 
     @property
+    def driver(self) -> str:
+        """What drives the air, in a word."""
+        return "supply" if self.supply is None else self.supply.name
+
+    @property
     def cm(self) -> float:
         """Pa in one cm of the column."""
         return pascal_per_cm(self.water_density)
@@ -87,7 +92,8 @@ class Load:
         if sum(map(bool, (self.pressures_cm, self.volumes_ml, self.strokes_ml, self.program))) != 1:
             raise CaseError(
                 "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
-                "(--supply syringe --stroke-ml), or in a case file a series for each cavity (cavity1.pressure_cm), one of these"
+                "(--supply syringe with --stroke-ml), or in a case file a series for each cavity (cavity1.pressure_cm): one of "
+                "these"
             )
         if self.program:
             self._check_program(actuator)
@@ -116,7 +122,8 @@ class Load:
 
     def _check_supply(self, actuator: Actuator) -> None:
         if bool(self.strokes_ml) != (self.supply is not None):
-            raise CaseError("a syringe (--supply syringe) and its strokes (--stroke-ml) belong together")
+            owner = "syringe" if self.supply is None else self.supply.name
+            raise CaseError(f"a {owner} (--supply {owner}) and its strokes (--stroke-ml) belong together")
         if self.supply is not None:
             self.supply.check_strokes(self.strokes_ml[-1] * 1e-6, actuator.cavity_volume)
             if self.control not in ("auto", "arc-length"):

@@ -7,9 +7,10 @@ import math
 from typing import Any
 
 from measurement.units import UnitError, brief, numbers
+from measurement.wording import Spoken
 
 
-class SeriesError(ValueError):
+class SeriesError(Spoken, ValueError):
     """A text that is no series of values; the message is a sentence for the user."""
 
 

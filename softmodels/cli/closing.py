@@ -55,7 +55,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         )
         if case.gauges.columns():
             print(", ".join(_gauge(name, row) for name in case.gauges.columns()))
-        if told := stability_text(results.rows, case.actuator, branch_rows(results)):
+        if told := stability_text(results.rows, case.actuator, branch_rows(results), case.load.driver):
             print(told)
         pictures = (
             f"; pictures (*.png), film.gif, film.webp and report.html, in {took:.1f} s" if took is not None else ""

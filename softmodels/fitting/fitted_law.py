@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 
+from measurement.wording import spoken
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.profile import Profile
 from softmodels.fitting.result import LeastSquaresFit
@@ -38,7 +39,7 @@ class FittedLaw:
         """Everything that speaks against it."""
         profiles = (p.trouble for p in self.profiles.values() if p.trouble)
         found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
-        return tuple(dict.fromkeys(found))
+        return tuple(dict.fromkeys(map(spoken, found)))
 
     @functools.cached_property
     def objections(self) -> tuple[str, ...]:

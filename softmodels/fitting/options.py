@@ -6,7 +6,11 @@ import dataclasses
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from measurement import wording
 from softmodels.fitting.problem import Changes, FitError
+
+for _option, _argument in (("fix", "FitOptions.changes of"), ("untrusted", "FitOptions(untrusted=True)")):
+    wording.call(_option, _argument)
 
 BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
 """Parameters of the bench."""

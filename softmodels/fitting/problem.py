@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import OptimizeResult, least_squares
 
+from measurement.wording import Spoken
 from softmodels.fitting.residual_groups import Rows
 
 Array = npt.NDArray[np.float64]
 Labels = Sequence[str] | npt.NDArray[np.str_]
 
 
-class FitError(ValueError):
+class FitError(Spoken, ValueError):
     """A fit that cannot be made; the message is a sentence for the user."""
 
 

@@ -14,6 +14,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from measurement.wording import Spoken
 from softmodels.materials.strain import Expression, StrainMeasures
 
 Values = Mapping[str, Any]
@@ -24,7 +25,7 @@ Parameters = Any
 """Carries a law's parameters by name: a material (numbers), or UFL constants, so that new values compile nothing."""
 
 
-class MaterialError(ValueError):
+class MaterialError(Spoken, ValueError):
     """An impossible or unknown material; the message is a sentence for the user."""
 
 

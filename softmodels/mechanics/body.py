@@ -21,6 +21,7 @@ from geometries import Actuator
 from geometries.actuator import Vector
 from geometries.mesh_files import load_mesh
 from geometries.meshing import private_model
+from measurement.wording import Spoken
 from softmodels.mechanics.mpi import is_root, on_root
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ CAVITY, SHEET = 1, 2
 """Tags of the cavity's and a sheet's facets in the forms: the same for every mesh, or they would be compiled again."""
 
 
-class BodyError(RuntimeError):
+class BodyError(Spoken, RuntimeError):
     """An actuator or mesh the mechanics cannot take; the message is a sentence for the user."""
 
 

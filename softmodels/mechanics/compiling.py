@@ -11,11 +11,13 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from measurement.wording import Spoken
+
 LONGEST = 180.0
 """Seconds after which nobody can still be compiling one module: a solid slice takes half a minute on a slow machine."""
 
 
-class CompilingError(RuntimeError):
+class CompilingError(Spoken, RuntimeError):
     """The equations could not be compiled; the message is a sentence for the user."""
 
 

@@ -26,6 +26,7 @@ from geometries.actuator import Vector
 from geometries.fields import field_of
 from geometries.kinds import Quantity, Words
 from geometries.selections import faces as plane_faces
+from measurement.wording import Spoken
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.mpi import largest
 
@@ -43,7 +44,7 @@ NEAR = 1e-6
 """Distance in sizes up to which a point lies in the plane."""
 
 
-class ObstacleError(ValueError):
+class ObstacleError(Spoken, ValueError):
     """A plane or face that makes no contact; the message is a sentence for the user."""
 
 

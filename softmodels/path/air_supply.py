@@ -10,11 +10,13 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar
 
-from geometries.fields import settle
+from geometries.fields import about, settle
+from measurement import wording
+from measurement.wording import Spoken
 from softmodels.path.quantities import Supply
 
 
-class SupplyError(ValueError):
+class SupplyError(Spoken, ValueError):
     """An impossible supply; the message is a sentence for the user."""
 
 
@@ -23,13 +25,17 @@ class AirSupply:
     """A supply that is driven by strokes: volumes in m3 that it displaces, or lets in.
 
     Attributes:
-        name: What case files (``kind``) and ``--supply`` call it.
+        name: What case files (``kind``) and ``--supply`` call it, and sentences too.
+        its_gas: What its gas is called where it has a limit point; the gas of the supply if empty.
+        gentler: What else can be taken where its stroke has a limit point, such as "a smaller bottle"; empty if nothing.
 
     Raises:
         SupplyError: From the constructor, if its fields make no supply.
     """
 
     name: ClassVar[str]
+    its_gas: ClassVar[str] = ""
+    gentler: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         settle(self, SupplyError)
@@ -86,4 +92,8 @@ def register[Class: type[AirSupply]](supply: Class) -> Class:
     if (known.__module__, known.__qualname__) != (supply.__module__, supply.__qualname__):
         raise ValueError(f"there is a supply of the name {supply.name!r} already: {known.__name__}")
     SUPPLIES[supply.name] = supply
+    wording.call(f"supply {supply.name}", f"supply={supply.__name__}(...)")
+    for name, field in about(supply).items():
+        if field.option:
+            wording.call(field.option.replace("_", "-"), name)
     return supply

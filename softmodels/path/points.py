@@ -34,8 +34,8 @@ class Point:
         stiffest: Least |dV/dP| on the path so far.
         signature: Number of negative eigenvalues and the lowest eigenvalue.
         mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1 or -1; else None.
-        jump: Whether the device has jumped here: from the state before, or from the last turn of a syringe's stroke.
-        turn: Whether this is a limit point of a syringe's stroke.
+        jump: Whether the device has jumped here: from the state before, or from the last turn of a supply's stroke.
+        turn: Whether this is a limit point of a supply's stroke.
         worn: Whether the last linear solve took so long that the factorisation is replaced at once.
         largest: Largest of the lowest eigenvalues on the path so far, without its sign.
     """

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from measurement.units import UnitError, brief
 from measurement.units import numbers as as_numbers
+from measurement.wording import Spoken
 from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
@@ -29,7 +30,7 @@ POINTS_PER_STEP = 4
 """At least this many points in each step of a program, for curves worth drawing."""
 
 
-class ProgramError(ValueError):
+class ProgramError(Spoken, ValueError):
     """A program that cannot be meant; the message is a sentence for the user."""
 
 

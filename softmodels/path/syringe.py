@@ -49,6 +49,8 @@ class Syringe(AirSupply):
         key="leak_per_m3", option="leak_per_ml", per_option=1e6,
     )  # fmt: skip
     name: ClassVar[str] = "syringe"
+    its_gas: ClassVar[str] = "the gas in syringe and tubes"
+    gentler: ClassVar[str] = "a smaller --dead-volume or --gas liquid"
 
     def check(self) -> None:
         for name, value, least in (("syringe", self.syringe, True), ("dead volume", self.dead_volume, False),
@@ -68,7 +70,8 @@ class Syringe(AirSupply):
             )
         if self.leak * self.gas_at_rest(cavity) >= 1:
             raise SupplyError(
-                "the leak loses all gas before the cavity is filled; --leak-per-ml is a share such as 0.005"
+                "the leak loses all gas before the cavity is filled; it is a share per volume of stroke, such as 0.005 per ml "
+                "(--leak-per-ml)"
             )
 
     @property

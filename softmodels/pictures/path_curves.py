@@ -44,11 +44,11 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence
     return figure
 
 
-def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = ()) -> list[Figure]:
+def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = (), supply: str = "supply") -> list[Figure]:
     """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
 
-    Of a syringe also the pressure over its stroke, first. Arguments as of `rise`. One figure each, so that a narrow page
-    puts them below each other.
+    With a supply also the pressure over its stroke, first; ``supply`` is its word, the other arguments are as of `rise`. One
+    figure each, so that a narrow page puts them below each other.
     """
     pressure = ("pressure_cm", "pressure in cm of water")
     wanted = [
@@ -57,7 +57,7 @@ def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = ()) -> list[
     ]
     wanted += [(pressure, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
     if "stroke_ml" in rows[0]:
-        wanted.insert(0, (("stroke_ml", "stroke of the syringe in ml"), pressure))
+        wanted.insert(0, (("stroke_ml", f"stroke of the {supply} in ml"), pressure))
     figures = []
     for (over, below), (column, label) in wanted:
         figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")
@@ -87,13 +87,13 @@ def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row], ov
     jumps = [k for k, row in enumerate(rows) if row.get("jump")]
     held = np.ones(len(rows), dtype=bool)
     held[jumped_over(rows)] = False
-    # Of a syringe's jump the states that are jumped over are on the path too.
+    # Of a supply's jump the states that are jumped over are on the path too.
     parts = np.split(places, [k for k in jumps if held[k - 1]])
     for k, part in enumerate(parts):
         axes.plot(*smooth(part).T, color=CURVE, label="" if k else "simulated path")
     axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
     if not held.all():
-        axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps the syringe jumps over")
+        axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps the device jumps over")
     asked = places[[bool(row["requested"]) for row in rows]]
     if len(asked):
         axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")

@@ -58,7 +58,7 @@ def write(look: Look, folder: Path, name: str) -> Path:
     states = look.states
     told = summary(folder)
     asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
-    terms = [(name, term(name, states.actuator)) for name in states.rows[0]]
+    terms = [(name, term(name, states.actuator, states.case.load.driver)) for name in states.rows[0]]
     page = render(
         "report.html", "softmodels.pictures", title=name, ending=ending(states, told),
         warnings=told["notes"] if "notes" in told else notes_of(states.case, states.rows),
@@ -111,7 +111,7 @@ def _curves(states: States) -> list[Markup]:
         rows, gauge = states.rows, states.actuator.gauge
         if states.case.program:
             return [_svg(program_curves.steps(rows, gauge))]
-        return [_svg(figure) for figure in path_curves.curves(rows, gauge, states.branch)]
+        return [_svg(figure) for figure in path_curves.curves(rows, gauge, states.branch, states.case.load.driver)]
 
 
 def _svg(figure: Figure) -> Markup:
@@ -142,7 +142,7 @@ def _lines(rows: Sequence[Row], states: States) -> list[dict[str, object]]:
     """Rows of ``path.csv`` side by side: one line per column of the file, with the exact and the shown values."""
     return [
         {
-            "term": term(name, states.actuator),
+            "term": term(name, states.actuator, states.case.load.driver),
             "cells": [(row.cells.get(name, ""), _shown(row.cells.get(name))) for row in rows],
         }
         for name in states.rows[0]
@@ -172,7 +172,7 @@ def _source(path: Path) -> str:
 def _notes(states: States) -> list[str]:
     """What a reader has to know before trusting a number."""
     actuator = states.actuator
-    notes = [stability_text(states.rows, actuator, states.branch)]
+    notes = [stability_text(states.rows, actuator, states.branch, states.case.load.driver)]
     notes += [
         f"limit point of the pressure at {limit['pressure_cm']:.5g} cm ({limit['pressure_Pa'] / 1e3:.4g} kPa): under "
         "pressure alone the device jumps there"

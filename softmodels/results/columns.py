@@ -37,15 +37,17 @@ def every_column() -> Iterator[Column | Columns]:
         yield from (column for column in _extremes(field.name) if column.name not in listed)
 
 
-def term(column: str, device: Actuator | None = None) -> Term:
+def term(column: str, device: Actuator | None = None, supply: str = "supply") -> Term:
     """What a column of ``path.csv`` is. One that nobody knows of here is still shown, under its own name.
 
     Args:
         column: Its name.
         device: The device, for the columns that are its own.
+        supply: What drives the air, in a word.
     """
     found = (entry.term(column, device) for entry in (DEVICE, *every_column(), NAMED))
-    return next((one for one in found if one is not None), described(column, (split(column)[0].replace("_", " "), "")))
+    known = next((one for one in found if one is not None), described(column, (split(column)[0].replace("_", " "), "")))
+    return known.told_of(supply)
 
 
 def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
@@ -62,7 +64,7 @@ def _height(solved: Solved) -> float:
 
 
 def _stroke(solved: Solved) -> float:
-    """Of the syringe in m3."""
+    """Of the supply in m3."""
     V, P, curve = _on_supply(solved)
     return float(curve.value(V, P) * solved.fields.system.volume_unit)
 
@@ -189,13 +191,13 @@ COLUMNS: list[Column | Columns] = [
     Column("pressure_Pa", "pressure", "the same in pascal, above the pressure around", lambda s: s.pressure),
     Column("added_volume_ml", "added volume", "volume of the whole device's cavities less that at rest; with pressure ratios, "
            "what the common pressure works on", lambda s: s.figures.added_volume * 1e6),
-    Column("stroke_ml", "stroke", "how far the syringe's piston has moved, as a volume",
+    Column("stroke_ml", "stroke", "volume that the {supply} has displaced or let in",
            lambda s: _stroke(s) * 1e6, _supplied),
-    Column("gas_energy_mJ", "gas energy", "work stored in the gas of syringe, tubes and cavity", _gas_energy, _gas),
+    Column("gas_energy_mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
     Column("stroke_limit", "stroke limit",
            "1 where the stroke has a limit point of its own: beyond it the device jumps",
            lambda s: int(s.point.turn), _supplied),
-    Column("stable_under_supply", "stable under the syringe",
+    Column("stable_under_supply", "stable under the {supply}",
            "1 if the gas behind this state holds it, 0 if the device jumps", _held, _supplied),
     Column("load_step", "load step", "how many steps a program of several cavities has come",
            lambda s: s.load_step, lambda case: bool(case.program)),
@@ -235,7 +237,7 @@ COLUMNS: list[Column | Columns] = [
            lambda s: s.point.signature.negative_eigenvalues),
     Column("lowest_eigenvalue_Pa_per_mm2", "lowest eigenvalue",
            "of the tangent at this pressure; zero where stability is lost", _eigenvalue),
-    Column("following", "following", "what the step followed: pressure, volume, a syringe's line or the arc length",
+    Column("following", "following", "what the step followed: pressure, volume, a supply's line or the arc length",
            lambda s: s.point.line),
 ]  # fmt: skip
 """In the order of the file."""

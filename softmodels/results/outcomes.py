@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from measurement.wording import Spoken
+
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
 
 NO_MEMORY = "the machine's memory is full; use a larger --cell-size, or a smaller slice of the device"
 
 
-class RunError(RuntimeError):
+class RunError(Spoken, RuntimeError):
     """A run that cannot go on; ``status`` is the exit status, the message a sentence for the user."""
 
     def __init__(self, message: str, status: int = FAILED):

@@ -54,7 +54,7 @@ def jumps_text(rows: Sequence[Row], gauge: str) -> str:
 
 
 def jumped_over(rows: Sequence[Row]) -> list[int]:
-    """Which states of a path a syringe jumps over: those that its gas does not hold, and all up to where it lands."""
+    """Which states of a path a supply jumps over: those that its gas does not hold, and all up to where it lands."""
     found, falling = [], False
     for k, row in enumerate(rows):
         falling = falling and not row["jump"]
@@ -91,13 +91,14 @@ def unlocated(rows: Sequence[Row]) -> str:
     return ""
 
 
-def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row] = ()) -> str:
+def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row] = (), supply: str = "supply") -> str:
     """One or two sentences on how the last state stands and where it changed; for the closing message.
 
     Args:
         rows: The path's rows of ``path.csv``.
         actuator: The device.
         branch: Those of the branch that was followed, if one was.
+        supply: What drives the air, in a word.
     """
     if not rows or "negative_eigenvalues" not in rows[-1]:
         return ""
@@ -115,8 +116,8 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, branch: Sequence[Row
         text += f"; {told}"
     if lost:
         text += (
-            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the gas of this syringe no longer "
-            f"holds the device, which jumps over {len(lost)} of the states (stroke_limit and jump in path.csv)"
+            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the gas of this {supply} no "
+            f"longer holds the device, which jumps over {len(lost)} of the states (stroke_limit and jump in path.csv)"
         )
     if found:
         at = ", ".join(f"{row['pressure_cm']:.4g} cm ({row['added_volume_ml']:.4g} ml)" for row in found)

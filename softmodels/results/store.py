@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from measurement.own_files import remove_steps
 from measurement.own_folder import PATIENCE, OwnFolder
+from measurement.wording import Spoken
 from softmodels.results.picture_files import picture_folder
 from softmodels.results.row import Row
 from softmodels.results.stored_step import RESTART, ROW, StoredStep, read_step, shapes_of
@@ -35,7 +36,7 @@ RUN, BRANCH = "run", "branch/"
 """What a folder's record calls a run; the folder inside for a branch that leaves its path."""
 
 
-class ResultsError(RuntimeError):
+class ResultsError(Spoken, RuntimeError):
     """Results that cannot be read or continued; the message is a sentence for the user."""
 
 

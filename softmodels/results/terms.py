@@ -19,6 +19,10 @@ class Term:
     unit: str
     text: str
 
+    def told_of(self, supply: str) -> Term:
+        """The same with what drives the air in place of ``{supply}``."""
+        return Term(self.name.replace("{supply}", supply), self.unit, self.text.replace("{supply}", supply))
+
     def __str__(self) -> str:
         return f"{self.name} ({self.unit})" if self.unit else self.name
 

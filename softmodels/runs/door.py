@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypedDict, Unpack
 
 from geometries import Actuator
+from measurement import wording
 from softmodels.case.case import Case, CaseError
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
@@ -24,6 +25,9 @@ from softmodels.runs.requests import Options, Values, case_of
 from softmodels.runs.run import Ended, Run
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.step import Listener, Silent
+
+for _option, _argument in (("output", "folder"), ("resume", "resume=True"), ("branch", "branch=True")):
+    wording.call(_option, _argument)
 
 type Told = bool | Callable[[Row], object] | None
 """Who is told of each state: nobody, the terminal (True), or a function that gets its row of ``path.csv``."""

@@ -33,11 +33,13 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     at = fields.figures(end.limit.state)
     if case.supply is not None:
         stroke = path.value(end.limit.state) * fields.system.volume_unit * 1e6
+        supply = case.supply
+        gas = supply.its_gas or f"the gas of the {supply.name}"
         return (
             f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
             f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has taken "
-            f"{at.added_volume * 1e6:.4g} ml; beyond it the gas in syringe and tubes expands by itself and the device jumps. "
-            "Stay below, or take a smaller --dead-volume or --gas liquid"
+            f"{at.added_volume * 1e6:.4g} ml; beyond it {gas} expands by itself and the device jumps. "
+            f"Stay below{f', or take {supply.gentler}' if supply.gentler else ''}"
         )
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "

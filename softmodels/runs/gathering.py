@@ -23,7 +23,7 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
     text = {
         "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, case.actuator.gauge), "stretch_at_break": stretch_at_break(case.material),
-        "notes": list(notes), "stability": stability_text(results.rows, case.actuator, branch_rows(results)),
+        "notes": list(notes), "stability": stability_text(results.rows, case.actuator, branch_rows(results), case.load.driver),
     }  # fmt: skip
     results.own.claim(["summary.json"])
     write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from measurement.wording import spoken
 from softmodels.results.row import Row
 
 
@@ -52,7 +53,7 @@ class Progress:
     def say(self, text: str) -> None:
         """One line about what is going on."""
         try:
-            self.console.print(text)
+            self.console.print(spoken(text))
         except OSError:
             self._hush()
 

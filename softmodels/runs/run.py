@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from measurement.wording import spoken, written
 from softmodels.case.case import CaseError
 from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
@@ -49,7 +50,7 @@ class Ended:
 
     @classmethod
     def by(cls, error: RunError) -> Ended:
-        return cls(error.status, str(error), error)
+        return cls(error.status, written(error), error)
 
 
 class Run:
@@ -120,7 +121,7 @@ class Run:
         """Where and why the path ends before the last requested value; None if it reaches it.
 
         Of kind ``"limit"`` (a limit point: no equilibrium beyond), ``"lost"`` or ``"stopped"``; ``why`` is the sentence of
-        the command line.
+        the command line, with arguments in place of its options.
         """
         status = self._ended.status
         if status == DONE:
@@ -133,13 +134,13 @@ class Run:
             kind, row["pressure_Pa"], row["added_volume_ml"] * 1e-6,
             {name: row[f"{name}_mm"] * 1e-3 for name in self.case.actuator.probes}, row["max_stretch"],
             (row["max_stretch_x_mm"] * 1e-3, row["max_stretch_y_mm"] * 1e-3, row["max_stretch_z_mm"] * 1e-3),
-            self._ended.message,
+            spoken(self._ended.message),
         )  # fmt: skip
 
     @property
     def notes(self) -> list[str]:
         """What one must know before trusting the numbers: sentences, none if all is well."""
-        return notes_of(self.case, self.rows)
+        return [spoken(note) for note in notes_of(self.case, self.rows)]
 
     # -- its states ---------------------------------------------------------------------------------------------------
 

@@ -52,7 +52,7 @@ def test_it_is_read_from_options():
     assert {"supply", "bottle", "syringe"} <= names
     given = dict.fromkeys(names) | {"supply": "bottle", "bottle": 5e-4}
     assert entry.take(given) == Bottle(5e-4) and not given
-    with pytest.raises(SupplyError, match="--bottle belongs to a bottle"):
+    with pytest.raises(SupplyError, match="bottle belongs to a bottle; add supply=Bottle"):
         entry.take(dict.fromkeys(names) | {"bottle": 5e-4})
-    with pytest.raises(SupplyError, match="--gas does not belong to a bottle"):
+    with pytest.raises(SupplyError, match="gas does not belong to a bottle"):
         entry.take(dict.fromkeys(names) | {"supply": "bottle", "gas": "liquid"})

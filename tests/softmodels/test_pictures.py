@@ -181,7 +181,7 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
     (axes,) = path_curves.rise(path, "apex", 95.0, branch).axes
     shown = {line.get_label(): np.array(line.get_xydata()) for line in axes.lines}
     assert shown["jump"] == pytest.approx(np.array([[20, 5], [20, 30]]))
-    assert shown["steps the syringe jumps over"] == pytest.approx(np.array([[15, 28]]))
+    assert shown["steps the device jumps over"] == pytest.approx(np.array([[15, 28]]))
     assert next(xy for label, xy in shown.items() if label.startswith("bifurcation: 20 cm")) == pytest.approx(
         np.array([[20, 5]])
     )
@@ -196,8 +196,8 @@ def test_a_syringe_has_its_pressure_over_the_stroke():
         dict(zip(keys, row, strict=True), limit=0)
         for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
     ]
-    first, *others = (figure.axes[0] for figure in path_curves.curves(path, "apex"))
-    assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the syringe in ml", "pressure in cm of water")
+    first, *others = (figure.axes[0] for figure in path_curves.curves(path, "apex", (), "bottle"))
+    assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the bottle in ml", "pressure in cm of water")
     (asked,) = [line for line in first.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[0, 0], [20, 47]]
     assert [axes.get_xlabel() for axes in others] == ["pressure in cm of water"] * 2

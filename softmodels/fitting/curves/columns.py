@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.units import UnitError, quantity
+from measurement.wording import Spoken
 
 Array = npt.NDArray[np.float64]
 
@@ -48,7 +49,7 @@ _TAIL = re.compile(r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|mm|cm|
 _CASES = {"pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa", "kn": "kN", "n": "N"}
 
 
-class TensileError(ValueError):
+class TensileError(Spoken, ValueError):
     """A curve that cannot be used; the message is a sentence for the user."""
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from measurement.outline.outline import Outline
+from measurement.wording import spoken
 from softmodels.case.case import Case
 from softmodels.fitting.believable import Expected, caution, expected, hold_against, stretch_of
 from softmodels.fitting.comparison import compare
@@ -172,7 +173,7 @@ class _Task:
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
         first = next(iter(trials.values())).source
         device = f"{self.device.name}: {type(self.device.actuator).__name__}, {first.in_words}"
-        return FitReport(tuple(laws), comparison, self.curves, how, device=device, notes=tuple(notes))
+        return FitReport(tuple(laws), comparison, self.curves, how, device=device, notes=tuple(map(spoken, notes)))
 
     def _law[Source: (OutlineResiduals, HeightResiduals)](
         self, trial: Trial[Source], fit: LeastSquaresFit

@@ -1,0 +1,134 @@
+"""One sentence, two readers: the command line reads of options, a caller from Python of arguments. A supply has a name."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+from typing import ClassVar
+
+import pytest
+from click.testing import CliRunner
+
+import softmodels as sm
+from geometries.fields import field_of
+from geometries.kinds import Quantity
+from measurement.wording import spoken, written
+from softmodels.disk import command
+from softmodels.path.air_supply import SUPPLIES, AirSupply, register
+from softmodels.path.syringe import Stroke
+from softmodels.results.columns import term
+from softmodels.runs.door import inflate  # noqa: F401  (says what its arguments are)
+from softmodels.runs.explanation import explain, explain_failure
+
+COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}
+BALLOONS = sm.HollowDisk(membrane=1e-3, **COARSE)
+LAW = sm.NeoHookean(20e3)
+SENTENCES = {
+    "drive it by volume (--volume-ml, or --control volume)": 'drive it by volume (volumes, or control="volume")',
+    "use --control auto or arc-length, which pass": 'use control="auto" or "arc-length", which pass',
+    "refine the mesh (--cell-size) or round": "refine the mesh (cell_size) or round",
+    "run without --resume into another folder (--output)": "run without resume=True into another folder (folder)",
+    "take a larger --contact-stiffness than 5": "take a larger Obstacle.stiffness than 5",
+    "a smaller --dead-volume or --gas liquid": 'a smaller dead_volume or gas="liquid"',
+    "take --poisson nearer to 0.5, or --poisson 0.49": "take poisson nearer to 0.5, or poisson=0.49",
+    "--section wedge --angle 360deg shows all": 'section="wedge" angle=360 shows all',
+    "strokes of a syringe (--supply syringe with --stroke-ml)": "strokes of a syringe (supply=Syringe(...) with strokes)",
+    "0.005 per ml (--leak-per-ml)": "0.005 per ml (leak)",
+    "leave out PETSc's options (what follows --), refine": "leave out PETSc's options (the variable PETSC_OPTIONS), refine",
+    "a dash -- as here, and a range 2--3": "a dash -- as here, and a range 2--3",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Flask(AirSupply):
+    """A flask in front of the cavity."""
+
+    flask: float = field_of(Quantity("m^3"), "volume of the flask", 1e-3)
+    name: ClassVar[str] = "flask"
+
+    def control(self, cavity, pressure_unit, volume_unit):
+        rest = cavity / volume_unit
+        return Stroke(rest, rest + self.flask / volume_unit, 101.325e3 / pressure_unit, 1.0, 0.0)
+
+
+@pytest.fixture
+def flask():
+    register(Flask)
+    yield Flask(1e-3)
+    del SUPPLIES["flask"]
+
+
+@pytest.mark.parametrize("sentence", SENTENCES)
+def test_options_are_arguments_in_python(sentence):
+    assert spoken(sentence) == SENTENCES[sentence] == spoken(SENTENCES[sentence])
+
+
+def test_a_run_explains_its_end_to_each_reader(tmp_path):
+    run = sm.inflate(BALLOONS, LAW, pressures="0:100 cm")
+    assert 'drive it by volume past the limit (volumes, or control="volume")' in run.limit.why
+    assert "a thicker membrane (membrane)" in run.limit.why and "--" not in run.limit.why
+    folder = run.save(tmp_path / "disk")
+    assert "(--volume-ml, or --control volume)" in (folder / "summary.json").read_text()
+    assert sm.load(folder).limit == run.limit
+    with pytest.raises(sm.RunError, match="volumes, or control") as caught:
+        run.at("60 cm")
+    assert "--" not in str(caught.value)
+
+
+REFUSED = {
+    'use control="auto" or "volume"': {"volumes": "0:10 ml", "control": "pressure"},
+    "cycle=True raises and lowers a pressure; give pressures with it": {"volumes": "0:10 ml", "cycle": True},
+    "a syringe (supply=Syringe(...)) and its strokes (strokes) belong together": {"strokes": "0:10 ml"},
+    "take a larger one (syringe)": {"strokes": "0:30 ml", "supply": sm.Syringe()},
+    'use formulation="mixed", or poisson=0.49': {"pressures": "0:9 cm", "formulation": "displacement"},
+    "leave out resume=True": {"pressures": "0:9 cm", "resume": True},
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_refusals_name_arguments(words):
+    law = sm.NeoHookean(20e3, 0.5) if "formulation" in REFUSED[words] else LAW
+    with pytest.raises((sm.CaseError, sm.MaterialError)) as caught:
+        sm.inflate(BALLOONS, law, **REFUSED[words])
+    assert words in str(caught.value) and "--" not in str(caught.value)
+
+
+def test_the_command_line_keeps_its_words_in_the_same_process():
+    words = ["--volume-ml", "0:10", "--control", "pressure", "--quiet"]
+    done = CliRunner().invoke(command, words)
+    assert done.exit_code == 2 and "use --control auto or volume\n" in done.stderr
+    with pytest.raises(sm.CaseError) as caught:
+        sm.inflate(BALLOONS, LAW, volumes="0:10 ml", control="pressure")
+    assert 'use control="auto" or "volume"' in str(caught.value) and "--control auto" in written(caught.value)
+
+
+def test_a_supply_is_called_by_its_name(flask):
+    with pytest.raises(sm.CaseError, match=r"a flask \(supply=Flask\(...\)\) and its strokes"):
+        sm.inflate(BALLOONS, LAW, pressures="0:9 cm", supply=flask)
+    run = sm.inflate(BALLOONS, LAW, strokes="0:1 ml", supply=flask)
+    assert term("stable_under_supply", None, run.case.load.driver).name == "stable under the flask"
+    assert "stroke_limit" in run.path
+    assert "syringe" not in "".join(term(name, BALLOONS, "flask").text for name in run.path)
+
+
+@pytest.mark.parametrize(
+    ("supply", "gas", "ending"),
+    [
+        (Flask(1e-3), "the gas of the flask", "jumps. Stay below"),
+        (sm.Syringe(), "the gas in syringe and tubes", "or take a smaller --dead-volume or --gas liquid"),
+    ],
+)
+def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending):
+    case = sm.Case("disk", BALLOONS, LAW, strokes_ml=(0.0, 20.0), supply=supply)
+    figures = types.SimpleNamespace(rises={"apex": 0.01}, pressure=3e3, added_volume=1e-5)
+    fields = types.SimpleNamespace(figures=lambda state: figures, system=types.SimpleNamespace(volume_unit=1e-5))
+    path = types.SimpleNamespace(last=types.SimpleNamespace(state=None), value=lambda state: 1.0)
+    end = types.SimpleNamespace(limit=types.SimpleNamespace(state=None))
+    text = explain(case, end, fields, path)
+    assert f"beyond it {gas} expands by itself" in text and text.endswith(ending)
+
+
+def test_what_a_lost_path_is_told():
+    case = sm.Case("disk", BALLOONS, LAW, pressures_cm=(1.0,))
+    text = explain_failure(case, ValueError("no convergence"), None, petsc=True)
+    assert spoken(text).endswith("(the variable PETSC_OPTIONS), refine the mesh (cell_size), or use another control")
