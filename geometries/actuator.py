@@ -22,6 +22,7 @@ from geometries.designable import Designable
 from geometries.errors import GeometryError, MeshingError
 from geometries.fields import settle
 from geometries.mirroring import Mirror
+from geometries.parting import Castable
 
 __all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
 
@@ -60,7 +61,7 @@ class Hold:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Actuator(Designable, ABC):
+class Actuator(Designable, Castable, ABC):
     """A soft body around one air-filled cavity.
 
     Subclasses are frozen dataclasses whose fields come from `geometries.fields`.

@@ -33,6 +33,7 @@ from geometries.disk_outline import carried
 from geometries.fields import angle_field, choice_field, length_field, list_field, number_field
 from geometries.membrane_profile import MembraneTop
 from geometries.parameters import parameter_names
+from geometries.parting import Parting
 from geometries.registry import register
 
 
@@ -245,6 +246,20 @@ class HollowDisk(Actuator):
         points = np.asarray(points, dtype=float)
         share = np.clip((points[:, 2] - self.ceiling) / self.membrane, 0.0, None)
         return np.column_stack([np.zeros_like(share), np.zeros_like(share), share])
+
+    @property
+    def parting(self) -> Parting:
+        # As low as the cavity's wall is upright, so that neither half holds its core.
+        level = self.base + self.base_fillet
+        return Parting(
+            self.lift, level, ((0.0, 0.0, 0.0), (0.0, 0.0, self.base)),
+            "The bond is at the cavity's floor, far from the membrane's root, where the silicone is stretched most.",
+        )  # fmt: skip
+
+    def build_whole(self) -> None:
+        from geometries.disk_shape import build_full_turn
+
+        build_full_turn(self)
 
     def build(self) -> None:
         from geometries.disk_shape import build_profile, build_wedge

@@ -19,6 +19,10 @@ WIDEST_PIECE = 90.0
 """Largest angle in degrees turned at once: the CAD kernel leaves a seam in a full turn, and no vertex at its centre."""
 
 
+MM = 1e3
+"""Millimetres in one metre."""
+
+
 def build_profile(disk: HollowDisk) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
     import gmsh  # type: ignore[import-untyped]
@@ -57,10 +61,20 @@ def build_wedge(disk: HollowDisk) -> None:
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
 
 
+def build_full_turn(disk: HollowDisk) -> None:
+    """Fill the current Gmsh model with the whole disk in mm, one solid."""
+    import gmsh
+
+    face, _, _ = _face(disk, (MM, 0.0, 0.0), (0.0, 0.0, MM))
+    gmsh.model.occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, 2.0 * math.pi)
+    gmsh.model.occ.remove([(2, face)], recursive=True)
+    gmsh.model.occ.synchronize()
+
+
 def _face(
     disk: HollowDisk, right: tuple[float, float, float], up: tuple[float, float, float]
 ) -> tuple[int, dict[str, list[int]], dict[Place, int]]:
-    """Add the half profile in the plane of two unit vectors; return its tag, its curves by role and its corners."""
+    """Add the half profile in the plane of two vectors of a metre each; return its tag, curves by role and corners."""
     import gmsh
 
     occ = gmsh.model.occ

@@ -15,7 +15,7 @@ from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.errors import GeometryError
 from geometries.fields import choice_field, length_field, list_field, number_field, text_field
 from geometries.imported_roles import BONDED
-from geometries.imported_shape import Reading, build_part, read_part
+from geometries.imported_shape import Reading, build_part, open_part, read_part
 from geometries.registry import register
 from geometries.symmetry import reflected
 
@@ -155,6 +155,13 @@ class ImportedActuator(Actuator):
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """None: which line a camera would see is not known of a foreign part."""
         return np.zeros(len(points), dtype=bool)
+
+    def build_whole(self) -> None:
+        if self.planes:
+            raise GeometryError(
+                f"file {self.file} draws one of {self.copies} equal pieces, cut on its planes; draw the whole part"
+            )
+        open_part(self, "MM")
 
     def build(self) -> None:
         build_part(self)

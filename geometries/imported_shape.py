@@ -63,7 +63,7 @@ def _read(part: ImportedActuator) -> Reading:
     from geometries.meshing import private_model
 
     with private_model():
-        solid = _open(part)
+        solid = open_part(part)
         roles = find_roles(part, solid)
         expected = expected_triangles(solid, part.cell_size, max(part.curvature, FINE))
         if expected > MOST_TRIANGLES:
@@ -88,7 +88,7 @@ def build_part(part: ImportedActuator) -> None:
     """Fill the current Gmsh model with the part, its roles and its cell sizes (m)."""
     import gmsh
 
-    solid = _open(part)
+    solid = open_part(part)
     gmsh.model.addPhysicalGroup(3, [solid], name="solid")
     for role, tags in find_roles(part, solid).items():
         gmsh.model.addPhysicalGroup(2, tags, name=role)
@@ -97,11 +97,11 @@ def build_part(part: ImportedActuator) -> None:
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, part.cell_size))
 
 
-def _open(part: ImportedActuator) -> int:
-    """Read the file in metres, whatever its unit; return its one solid."""
+def open_part(part: ImportedActuator, unit: str = "M") -> int:
+    """Read the file in metres, or another of the CAD kernel's units, whatever its own; return its one solid."""
     import gmsh
 
-    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+    gmsh.option.setString("Geometry.OCCTargetUnit", unit)
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     try:
         gmsh.model.occ.importShapes(part.file, format="step")

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.fields import angle_field, angles_field, choice_field, length_field, lengths_field, number_field
 from geometries.mirroring import Mirror
+from geometries.parting import Parting
 from geometries.registry import register
 from geometries.seminar_cells import expected_cells
 from geometries.seminar_checks import check_seminar
@@ -202,6 +203,18 @@ class SeminarActuator(Actuator):
         points = np.asarray(points, dtype=float)
         near = 1e-9 * self.length
         return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)
+
+    @property
+    def parting(self) -> Parting:
+        return Parting(
+            self.lift, self.offset, ((0.0, 0.0, self.offset), (self.manifold_radius, 0.0, self.offset)),
+            "Every channel's section is round about this plane, so that each layer has open grooves that hold nothing back.",
+        )  # fmt: skip
+
+    def build_whole(self) -> None:
+        from geometries.seminar_shape import build_both_halves
+
+        build_both_halves(self)
 
     def build(self) -> None:
         from geometries.seminar_shape import build_slab

@@ -53,6 +53,19 @@ def measured_volume(slab: SeminarActuator) -> float:
     return volume / MM**3 * (2.0 if slab.level else 1.0)
 
 
+def build_both_halves(slab: SeminarActuator) -> None:
+    """Fill the current Gmsh model (mm) with the whole slab, one solid."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    solids = half_slab(slab)
+    for normal in ((0, 0, 1), (0, 1, 0)) if slab.level else ((0, 1, 0),):
+        image = occ.copy(solids)
+        occ.mirror(image, *normal, 0)
+        solids = list(occ.fuse(solids, image)[0])
+    occ.synchronize()
+
+
 def half_slab(slab: SeminarActuator) -> list[Entity]:
     """Add the half at y > 0 with the channels cut out, of a `SeminarActuator.level` slab what is above the middle.
 

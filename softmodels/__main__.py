@@ -14,6 +14,7 @@ with stoppable("softmodels", speaks):
     from softmodels import __version__
     from softmodels.case.case import Case
     from softmodels.cli import limit_command
+    from softmodels.cli import mould as mould_command
     from softmodels.cli import options as commandline
     from softmodels.cli.curve_command import curve
     from softmodels.cli.demo import demo
@@ -32,6 +33,7 @@ def softmodels() -> None:
     python -m softmodels.disk --help    the disk actuator
     softmodels run case.toml            repeat a run from its case file
     softmodels limit --help             how much pressure a design can bear
+    softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
     softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
@@ -55,6 +57,7 @@ def run_file(file: Path, **values: Any) -> None:
 
 
 softmodels.add_command(limit_command.command)
+softmodels.add_command(mould_command.command)
 
 
 @softmodels.command("draw")

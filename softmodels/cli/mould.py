@@ -1,0 +1,103 @@
+"""``softmodels mould``: the bodies that a device is cast in, to print or to mill, and a sheet for the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from geometries.errors import MeshingError
+from geometries.fields import about
+from geometries.options import field_option
+from measurement.output_option import FolderType, open_folder
+from measurement.output_place import status_of
+from measurement.own_folder import OwnFolderError
+from softmodels.case.errors import INPUT_ERRORS
+from softmodels.cli.options import fail
+from softmodels.design.mould.asked import Asked, asked_of
+from softmodels.design.mould.files import write_bodies
+from softmodels.design.mould.make import Made, made
+from softmodels.design.mould.settings import MouldError, Workshop
+from softmodels.mechanics.mpi import speaks
+from softmodels.results.outcomes import FAILED
+
+
+def mould(file: Path, silicone: str | None, output: Path | None, quiet: bool, **settings: Any) -> None:
+    """Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.
+
+    The device is parted in a plane and cast in two, which are bonded there: a cup forms the outside of each half, its lid
+    the face that is bonded, with the cavity's core on it. A disk is parted at the floor of its cavity, a slab in the plane
+    of its channels, an imported part across --pull. Everything is checked before anything is written: bodies watertight,
+    nothing undercut, no wall or gap too fine for the printer, STL as near as --chord asks, casts equal to the device.
+    The file needs no load; a table [mould] in it may hold the settings below.
+
+    \b
+    Examples:
+      softmodels mould results/seminar/case.toml
+      softmodels mould results/disk/case.toml --silicone dragon-skin-10-medium --shrinkage 0.001
+      softmodels mould examples/mypart.toml --pull '0, 1, 0' --tube 0mm
+
+    \b
+    Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
+    """
+    try:
+        asked = asked_of(file, silicone, **settings)
+        given = {"silicone": silicone, **settings}
+        files = [file, *map(Path, asked.device.files.values())]
+        folder = (
+            open_folder(output, Path("results") / f"{asked.name}-mould", "mould", given, files) if speaks() else None
+        )
+    except (MouldError, OwnFolderError, *INPUT_ERRORS) as error:
+        fail(str(error))
+    if folder is None:
+        return
+    try:
+        found = made(asked.device, asked.workshop)
+        with folder.writing() as place:
+            write_bodies(place, asked, found)
+    except (MouldError, OwnFolderError, *INPUT_ERRORS) as error:
+        fail(str(error))
+    except MeshingError as error:
+        fail(str(error), FAILED)
+    except OSError as error:
+        fail(f"the mould cannot be written into {folder.path} ({error.strerror or error})", status_of(error))
+    if not quiet:
+        for text in told(asked, found):
+            click.echo(text)
+        click.echo(f"mould in {folder.path}")
+
+
+def told(asked: Asked, found: Made) -> list[str]:
+    """What was made, in lines."""
+    lines = []
+    for body in found.bodies:
+        assert body.checked is not None
+        lines.append(
+            f"{body.name}: watertight, no undercut, smallest wall {body.checked.wall * 1e3:.3g} mm, gap "
+            f"{body.checked.gap * 1e3:.3g} mm, STL within {body.checked.chord * 1e6:.3g} um"
+        )
+    lines.append(
+        f"casts: {found.cast_volume * 1e6:.4g} ml; they differ from the device ({found.volume * 1e6:.5g} ml) by "
+        f"{found.differs:.2g} of its volume"
+    )
+    return lines
+
+
+def _command() -> click.Command:
+    command: Callable[..., Any] = mould
+    command = click.option("--quiet", is_flag=True, help="Report errors alone.")(command)
+    for name, field in reversed(list(about(Workshop).items())):
+        default = getattr(Workshop, name)
+        command = field_option(name, field, None if default == "" else default)(command)
+    command = click.option("--silicone", help="Product that is cast, such as ecoflex-00-30.  [default: the case's]")(
+        command
+    )
+    text = "Folder for the mould.  [default: results/NAME-mould, or results/NAME-mould-2 and so on]"
+    command = click.option("-o", "--output", type=FolderType(), help=text)(command)
+    command = click.argument("file", type=click.Path(path_type=Path))(command)
+    return click.command(name="mould", context_settings={"help_option_names": ["-h", "--help"]})(command)
+
+
+command = _command()
