@@ -70,10 +70,11 @@ class Extension:
             * ufl.inner(stress(trial), self._strain(test))
             * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
         )
-        self._z = fem.Function(space)
-        self._form = fem.form(a, jit_options=JIT)
-        self._action = fem.form(ufl.action(a, self._z), jit_options=JIT)
-        self._matrix = fem_petsc.assemble_matrix(self._form, bcs=self.bcs)
+        form = fem.form(a, jit_options=JIT)
+        # Both are kept: assembled anew, the stiffness would be that of the mesh where it has moved to.
+        self._free = fem_petsc.assemble_matrix(form)
+        self._free.assemble()
+        self._matrix = fem_petsc.assemble_matrix(form, bcs=self.bcs)
         self._matrix.assemble()
         self._matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(mesh.comm)
@@ -104,8 +105,7 @@ class Extension:
         z = self._held.x
         z.array[:] = 0.0
         z.array.reshape(-1, self.dimension)[self.boundary] = shift @ self.body.skew.T
-        self._z.x.array[:] = z.array
-        inner = self._solve(-self._product())
+        inner = self._solve(-self._product(z.array[: self.owned]))
         z.array[: self.owned] += inner
         z.scatter_forward()
         return z.array.reshape(-1, self.dimension) @ self.body.skew_inverse.T
@@ -116,20 +116,15 @@ class Extension:
         Rows of ghosts are zero: their owners have them.
         """
         c = (covector.reshape(-1, self.dimension) @ self.body.skew_inverse).ravel()
-        self._z.x.array[: self.owned] = self._solve(c[: self.owned])
-        self._z.x.scatter_forward()
-        c[: self.owned] -= self._product()
+        c[: self.owned] -= self._product(self._solve(c[: self.owned]))
         c[self.owned :] = 0.0
         return c.reshape(-1, self.dimension)[self.boundary] @ self.body.skew
 
-    def _product(self) -> Array:
-        """The stiffness without conditions times the function z, owned entries."""
-        from dolfinx import fem, la
-
-        b = fem.Function(self.space).x
-        fem.assemble_vector(b.array, self._action)
-        b.scatter_reverse(la.InsertMode.add)
-        return np.array(b.array[: self.owned])
+    def _product(self, z: Array) -> Array:
+        """The stiffness without conditions times a vector; owned entries of both."""
+        self._x.array_w[:] = z
+        self._free.mult(self._x, self._b)
+        return np.array(self._b.array_r)
 
     def _solve(self, force: Array) -> Array:
         """The inner nodes' answer to a force, zero at conditions; owned entries."""
@@ -142,7 +137,7 @@ class Extension:
         return np.array(self._x.array_r)
 
     def release(self) -> None:
-        for thing in (self._pc, self._matrix, self._x, self._b):
+        for thing in (self._pc, self._matrix, self._free, self._x, self._b):
             thing.destroy()
 
 
