@@ -41,6 +41,8 @@ _PLACES = {
     "softmodels.fitting.options": ("FitOptions",),
     "softmodels.fitting.outlines.fit_device": ("fit", "fit_heights"),
     "softmodels.fitting.curves.fit_curves": ("fit_curves",),
+    "softmodels.fitting.score_materials": ("score",),
+    "softmodels.fitting.scoring": ("Score",),
     "softmodels.results.limits": ("Limit",),
     "softmodels.results.outcomes": ("RunError",),
     "softmodels.results.store": ("ResultsError",),
@@ -68,6 +70,8 @@ if TYPE_CHECKING:
     from softmodels.fitting.outlines.fit_device import fit as fit
     from softmodels.fitting.outlines.fit_device import fit_heights as fit_heights
     from softmodels.fitting.problem import FitError as FitError
+    from softmodels.fitting.score_materials import score as score
+    from softmodels.fitting.scoring import Score as Score
     from softmodels.materials.laws import Gent as Gent
     from softmodels.materials.laws import Material as Material
     from softmodels.materials.laws import MaterialError as MaterialError

@@ -16,9 +16,9 @@ from softmodels.cli.curve_command import read_material
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import read_curves, specimen_options, tensile_option
 from softmodels.fitting.curves.curve import TensileError
-from softmodels.fitting.curves.stress_error import RELATIVE, StressError
 from softmodels.fitting.problem import FitError
-from softmodels.fitting.scoring import Score, score_curve, score_outlines, write_scores
+from softmodels.fitting.score_materials import against_outlines, error_of
+from softmodels.fitting.scoring import Score, score_curve, write_scores
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.mechanics.mpi import speaks
 
@@ -63,7 +63,7 @@ def score(files: tuple[Path, ...], names: tuple[str, ...], output: Path | None, 
             )
         if len(files) == 1:
             raise TensileError(f"{files[0]} says what was inflated; give its outlines too")
-        error = _error(options["stress_error"])
+        error = error_of(options["stress_error"])
         curves = read_curves(options) if options["tensile"] else []
         case, outlines = _device(files, options["untrusted"]) if files else (None, [])
         read = [*files, *map(Path, names), *(Path(text.rpartition(":")[0] or text) for text in options["tensile"])]
@@ -96,14 +96,6 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
     return {name: read_material(name) for name in names}
 
 
-def _error(text: str) -> StressError:
-    if text == "auto":
-        return StressError(RELATIVE, None, True)
-    if text == "constant":
-        raise TensileError("a score needs the size of the error: write 2%+0.5kPa, or auto")
-    return StressError.from_text(text)
-
-
 def _device(files: tuple[Path, ...], untrusted: bool) -> tuple[Any, list[Any]]:
     from softmodels.case.case import Case, CaseError
     from softmodels.fitting.outlines.reading import read_outlines
@@ -121,13 +113,11 @@ def _outline_scores(materials: dict[str, Material], case: Any, outlines: list[An
 
     comm = start()
     abort_on_error(comm)
-    scores = []
-    for name, material in materials.items():
-        try:
-            scores.append(score_outlines(name, material, case, outlines, comm))
-        except FitError as error:
-            fail(f"{name}: {error}", FAILED)
-    return scores
+    try:
+        return against_outlines(materials, case, outlines, comm)
+    except FitError as error:
+        fail(str(error), FAILED)
+        raise
 
 
 def as_text(scores: list[Score]) -> str:

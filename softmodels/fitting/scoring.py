@@ -21,6 +21,7 @@ from softmodels.materials.specimens import respond
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from geometries import Actuator
     from measurement.outline.outline import Outline
     from softmodels.case.case import Case
 
@@ -82,13 +83,15 @@ def score_curve(name: str, material: Material, curve: TensileCurve, error: Stres
     )
 
 
-def score_outlines(name: str, material: Material, case: Case, outlines: Sequence[Outline], comm: MPI.Comm) -> Score:
+def score_outlines(
+    name: str, material: Material, case: Actuator | Case, outlines: Sequence[Outline], comm: MPI.Comm
+) -> Score:
     """Hold a material against outlines of a device: the law as it is, what the bench may have got wrong fitted along.
 
     Args:
         name: The material's name.
         material: The law.
-        case: The device.
+        case: The device, alone or of a case.
         outlines: Its measured outlines.
         comm: Processes that solve together.
 
@@ -119,7 +122,7 @@ def score_outlines(name: str, material: Material, case: Case, outlines: Sequence
         one = next(one for one in matches if one.shape.source == group)
         told = f"{one.distances[np.argmax(np.abs(one.distances))] * 1e3:+.3g} mm in {group}"
     worst = f"{told} ({sizes[at]:+.2g} standard errors)"
-    label = f"{len(shapes)} outlines of {case.name}"
+    label = f"{len(shapes)} outlines of {measured.name}"
     freedom = max(len(fit.residuals) - len(fit.free), 1)
     return Score(name, label, fit.count, _rms(off), "m", fit.deviance / freedom, _covered(sizes), worst)
 

@@ -7,11 +7,13 @@ import csv
 import numpy as np
 import pytest
 
+import softmodels as sm
 from softmodels.__main__ import softmodels as whole_command
+from softmodels.fitting.curves.columns import TensileError
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.scoring import score_curve
+from softmodels.fitting.scoring import score_curve, write_scores
 from softmodels.materials.laws import Gent, NeoHookean, Ogden, Yeoh
 from softmodels.materials.specimens import respond
 
@@ -70,6 +72,40 @@ def test_a_table_of_several_materials(says, tmp_path):
     assert float(rows[right]["chi2_per_value"]) == pytest.approx(1.0, abs=0.5)
     assert float(rows[right]["coverage_95"]) > 0.88 > float(rows["ecoflex-00-30/liao-2021"]["coverage_95"])
     assert rows[right]["unit"] == "Pa" and int(rows[right]["values"]) == 90
+
+
+def test_from_python_the_scores_are_the_commands(says, tmp_path, capsys):
+    right = "yeoh:c1=8kPa,c2=90Pa,c3=0.5Pa,poisson=0.5"
+    names = f"--material ecoflex-00-30/liao-2021 --material {right}"
+    assert says(f"score --tensile pull.csv --stress-error 2%+0.2kPa --stretch 1.02:3 {names} -o out")[0] == 0
+    materials = {right: LAW, "ecoflex-00-30/liao-2021": sm.silicone("ecoflex-00-30/liao-2021")}
+    found = sm.score(materials, "pull.csv", stress_error="2%+0.2kPa", stretch=(1.02, 3.0))
+    assert [one.material for one in found] == [right, "ecoflex-00-30/liao-2021"]
+    write_scores(tmp_path / "python.csv", sorted(found, key=lambda one: one.material))
+    assert (tmp_path / "python.csv").read_text() == (tmp_path / "out" / "scores.csv").read_text()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_from_python_materials_have_names_of_their_own():
+    found = sm.score([Yeoh(9.6e3, 90.0, 0.5, 0.5), LAW, sm.silicone("ecoflex-00-30")], measured(count=90))
+    assert sorted(one.material.split(" ")[0] for one in found) == ["ecoflex-00-30", "yeoh", "yeoh"]
+    assert "c1 = 8 kPa" in found[0].material and found[0].chi2 < found[1].chi2 < found[2].chi2
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: sm.score(LAW), "nothing to score against"),
+        (lambda: sm.score([], measured(count=90)), "nothing to score"),
+        (lambda: sm.score([LAW, LAW], measured(count=90)), "given twice"),
+        (lambda: sm.score(LAW, device=sm.HollowDisk()), "belong together"),
+        (lambda: sm.score(LAW, measured(count=90), stress_error="constant"), "size of the error"),
+        (lambda: sm.score(Gent(20e3, 2.0, 0.5), measured(count=90)), r"keep below it with stretch$"),
+    ],
+)
+def test_from_python_bad_input_is_an_exception(call, words):
+    with pytest.raises((sm.FitError, TensileError), match=words):
+        call()
 
 
 M = "--material ecoflex-00-30"
