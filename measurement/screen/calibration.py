@@ -6,19 +6,16 @@ The corners are measured again in the lens that they gave (`corners`), until bot
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from measurement.camera.camera import Camera, CameraError, Points
 from measurement.camera.corners import straightened_corners
-from measurement.camera.picture_file import PictureError, read_pixels
-from measurement.screen.boards import corner_reach, find_chessboard
-from measurement.screen.grid_error import GridError
+from measurement.screen.board_views import seen_boards
+from measurement.screen.boards import corner_reach
 
 FEWEST = 3
 """Views of the board that fix the camera's matrix and its lens."""
@@ -73,41 +70,15 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
     Raises:
         CameraError: Too few usable photographs, or corners that fit no camera.
     """
-    corners: dict[str, Points] = {}
-    pictures: list[NDArray[np.uint8]] = []
-    refused: dict[str, str] = {}
-    seen: dict[bytes, str] = {}
-    size: tuple[int, int] | None = None
-    for path in map(str, paths):
-        try:
-            image = cv2.cvtColor(read_pixels(Path(path)), cv2.COLOR_RGB2GRAY)
-        except PictureError as error:
-            refused[path] = str(error)
-            continue
-        # One view that counts twice looks like a camera that is known better.
-        same = seen.setdefault(hashlib.sha256(image.tobytes()).digest(), path)
-        if path in corners or same != path:
-            refused[path] = f"it is the same picture as {same}, and counts once"
-            continue
-        shape = (image.shape[1], image.shape[0])
-        if size is not None and shape != size:
-            refused[path] = f"it has {shape[0]} x {shape[1]} pixels, the others {size[0]} x {size[1]}"
-            continue
-        try:
-            found = find_chessboard(image, pattern)
-        except GridError as error:
-            refused[path] = str(error)
-            continue
-        size, corners[path] = shape, found.px
-        pictures.append(image.astype(np.uint8))
-    if len(corners) < FEWEST or size is None:
+    views, refused = seen_boards(map(str, paths), pattern)
+    if len(views) < FEWEST:
         reasons = "; ".join(f"{path}: {reason}" for path, reason in refused.items())
         raise CameraError(
-            f"a calibration needs {FEWEST} or more photographs of the board, not {len(corners)} ({reasons})"
+            f"a calibration needs {FEWEST} or more photographs of the board, not {len(views)} ({reasons})"
         )
-    board = _board(pattern, pitch)
-    views = list(corners.values())
-    solution = _solve(views, board, size)
+    board, size = _board(pattern, pitch), views[0].size
+    corners = [view.corners for view in views]
+    solution = _solve(corners, board, size)
     if not solution.residual < WORST:
         raise CameraError(
             f"the boards' corners miss the best camera by {solution.residual:.2g} px; check the pattern and that the boards "
@@ -115,16 +86,16 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
         )
     for _ in range(ROUNDS):
         camera = solution.camera(size, "")
-        views = [
-            straightened_corners(gray, view, camera, corner_reach(view))
-            for gray, view in zip(pictures, views, strict=True)
+        corners = [
+            straightened_corners(view.gray, found, camera, corner_reach(found))
+            for view, found in zip(views, corners, strict=True)
         ]
-        solution = _solve(views, board, size)
+        solution = _solve(corners, board, size)
     return Calibration(
-        camera=calibrated_from(views, board, size),
+        camera=calibrated_from(corners, board, size),
         residual_px=solution.residual,
-        per_image=dict(zip(corners, map(float, solution.each), strict=True)),
-        coverage=float(reached(views, size).max()),
+        per_image=dict(zip((view.path for view in views), map(float, solution.each), strict=True)),
+        coverage=float(reached(corners, size).max()),
         refused=refused,
     )
 

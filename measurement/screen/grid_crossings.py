@@ -6,6 +6,7 @@ carries the whole arms' precision into the crossing, whose own pixels (rounded b
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 
 import cv2
@@ -83,29 +84,63 @@ def _nodes(camera: Camera, plane: Plane) -> NDArray[np.int64]:
     return seen_nodes[np.sort(np.random.default_rng(0).choice(len(seen_nodes), ENOUGH, replace=False))]
 
 
-def _profiles(
-    light: NDArray[np.float32], factor: int, camera: Camera, plane: Plane, node: NDArray[np.int64], axis: int,
-    along: Points, across: Points,
-) -> tuple[Points, Points, Points, Points, Points]:  # fmt: skip
-    """Brightness (rows, columns) on cuts across the arms along one axis of the lattice, and where they were cut.
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Arms:
+    """The two arms of a crossing along one axis of the lattice, in ideal px.
 
-    Returns:
-        The cuts with NaN outside of the picture; the crossing's ideal px; the unit directions along and across the line;
-        the pitch in px for each cut.
-        ``along`` and ``across`` come in shares of the pitch and are laid out in ideal px.
+    Attributes:
+        centre: The crossing, shape (2,).
+        unit: Direction along the line, shape (2,).
+        normal: Direction across it, shape (2,).
+        cells: Lengths of the cells before and behind the crossing: in perspective one is longer.
     """
-    direction = np.eye(2)[axis]
-    ends = plane.to_pixels(np.array([node, node + 0.5 * direction, node - 0.5 * direction], dtype=float))
-    unit = (ends[1] - ends[2]) / np.linalg.norm(ends[1] - ends[2])
-    normal = np.array([-unit[1], unit[0]])
-    # In perspective half a cell is longer on one side of the crossing than on the other.
-    lengths = np.where(along > 0, np.linalg.norm(ends[1] - ends[0]), np.linalg.norm(ends[2] - ends[0])) * 2.0
-    places = ends[0] + (along * lengths)[:, None, None] * unit + across[None, :, None] * normal
-    raw = (camera.distort(places.reshape(-1, 2)).reshape(places.shape) + 0.5) / factor - 0.5
-    height, width = light.shape
-    inside = (raw >= 0.0).all(axis=2) & (raw[..., 0] <= width - 1) & (raw[..., 1] <= height - 1)
-    shown = cv2.remap(light, raw[..., 0].astype(np.float32), raw[..., 1].astype(np.float32), cv2.INTER_LINEAR)
-    return np.where(inside, shown, np.nan), ends[0], unit, normal, lengths
+
+    centre: Points
+    unit: Points
+    normal: Points
+    cells: tuple[float, float]
+
+    @classmethod
+    def of(cls, plane: Plane, node: NDArray[np.int64], axis: int) -> _Arms:
+        """Those of a crossing of the lattice."""
+        half = 0.5 * np.eye(2)[axis]
+        centre, ahead, behind = plane.to_pixels(np.array([node, node + half, node - half], dtype=float))
+        unit = (ahead - behind) / np.linalg.norm(ahead - behind)
+        cells = 2.0 * float(np.linalg.norm(ahead - centre)), 2.0 * float(np.linalg.norm(behind - centre))
+        return cls(centre, unit, np.array([-unit[1], unit[0]]), cells)
+
+    def along(self, shares: Points) -> Points:
+        """Distances (n,) in px from the crossing for shares (n,) of the cells, negative behind it."""
+        return np.where(shares > 0, *self.cells) * shares
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Light:
+    """A photograph as the logarithm of light.
+
+    Attributes:
+        value: Shape (h, w), made smaller.
+        factor: Pixels of the photograph per pixel of it.
+        camera: The camera.
+    """
+
+    value: NDArray[np.float32]
+    factor: int
+    camera: Camera
+
+    @classmethod
+    def of(cls, gray: NDArray[np.uint8], factor: int, camera: Camera) -> _Light:
+        """That of gray values (h, w)."""
+        return cls(np.log(reduced(gray, factor) + 4.0), factor, camera)
+
+    def cuts(self, arms: _Arms, along: Points, across: Points) -> Points:
+        """Light (rows, columns) at distances (rows,) along and (columns,) across arms in ideal px; NaN outside."""
+        places = arms.centre + along[:, None, None] * arms.unit + across[None, :, None] * arms.normal
+        raw = (self.camera.distort(places.reshape(-1, 2)).reshape(places.shape) + 0.5) / self.factor - 0.5
+        height, width = self.value.shape
+        inside = (raw >= 0.0).all(axis=2) & (raw[..., 0] <= width - 1) & (raw[..., 1] <= height - 1)
+        x, y = np.moveaxis(raw.astype(np.float32), -1, 0)
+        return np.where(inside, cv2.remap(self.value, x, y, cv2.INTER_LINEAR), np.nan)
 
 
 def _pitch_px(plane: Plane, node: NDArray[np.int64]) -> Points:
@@ -122,12 +157,13 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: Plane) -> tupl
         raise GridError(f"only {len(nodes)} crossings of the grid are in the picture; at least {FEWEST} are needed")
     shares = np.linspace(-0.6, 0.6, 241)
     along = np.concatenate([np.linspace(*ARM, 8), -np.linspace(*ARM, 8)])
-    light = np.log(gray.astype(np.float32) + 4.0)
+    light = _Light.of(gray, 1, camera)
     cuts: tuple[list[Points], list[Points]] = ([], [])
     for node in nodes[:: max(1, len(nodes) // 60)]:
         pitch = _pitch_px(lattice, node)
         for axis in (0, 1):
-            shown, *_ = _profiles(light, 1, camera, lattice, node, axis, along, shares * pitch[axis])
+            arms = _Arms.of(lattice, node, axis)
+            shown = light.cuts(arms, arms.along(along), shares * pitch[axis])
             for arm in (shown[:8], shown[8:]):
                 if np.isfinite(arm[:, np.abs(shares) < 0.45]).all():
                     cuts[axis].append(_centred(arm.mean(axis=0), shares))
@@ -185,13 +221,13 @@ def _centred(cut: Points, shares: Points) -> Points:
 def _measure(
     gray: NDArray[np.uint8], camera: Camera, plane: Plane, nodes: NDArray[np.int64], half: float, depth: float
 ) -> tuple[Points, NDArray[np.int64], Points]:
-    spacing = float(np.median([_pitch_px(plane, node) for node in nodes]))
+    pitches = [_pitch_px(plane, node) for node in nodes]
+    spacing = float(np.median(pitches))
     # Eight pixels over the line are enough to find its centre, and their means hold all the light there is.
     factor = max(1, int(half * spacing / 8.0))
-    light = np.log(reduced(gray, factor) + 4.0)
+    light = _Light.of(gray, factor, camera)
     found, numbers, errors = [], [], []
-    for node in nodes:
-        pitch = _pitch_px(plane, node)
+    for node, pitch in zip(nodes, pitches, strict=True):
         fits = []
         for axis in (0, 1):
             rows = int(np.clip((ARM[1] - ARM[0]) * pitch[1 - axis] / factor, 4, MOST_ROWS))
@@ -200,9 +236,12 @@ def _measure(
             # Three samples a pixel: with one, a sharp line's centre of darkness depends on where the samples fall.
             columns = 2 * int(np.clip(3.0 * reach / factor, 8, 60)) + 1
             across = np.linspace(-reach, reach, columns)
-            shown, centre, unit, normal, lengths = _profiles(light, factor, camera, plane, node, axis, along, across)
-            fits.append((_fit_line(shown, across, along * lengths, depth), centre, unit, normal))
-        if any(fit[0] is None for fit in fits):
+            arms = _Arms.of(plane, node, axis)
+            distance = arms.along(along)
+            fitted = _fit_line(light.cuts(arms, distance, across), across, distance, depth)
+            if fitted is not None:
+                fits.append((arms, *fitted))
+        if len(fits) < 2:
             continue
         point, error = _cross(fits)
         if np.isfinite(point).all() and error < 0.02 * spacing:
@@ -255,14 +294,9 @@ def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
     return maximum_filter(np.abs(smooth) > np.clip(4.0 * noise, 0.06 * depth, 0.35 * depth), size=5, mode="nearest")
 
 
-def _cross(fits: list) -> tuple[Points, float]:
+def _cross(fits: list[tuple[_Arms, float, float, float]]) -> tuple[Points, float]:
     """Where the two fitted lines of a crossing meet (ideal px), and its standard error per axis."""
-    rows, right, errors = [], [], []
-    for (offset, slope, error), centre, unit, normal in fits:
-        tilted = normal - unit * slope
-        rows.append(tilted)
-        right.append(tilted @ centre + offset)
-        errors.append(error)
-    system = np.array(rows)
-    back = np.linalg.inv(system)
-    return back @ np.array(right), float(np.sqrt(np.sum((back * np.array(errors)) ** 2) / 2.0))
+    rows = np.array([arms.normal - arms.unit * slope for arms, _, slope, _ in fits])
+    right = [row @ arms.centre + offset for row, (arms, offset, _, _) in zip(rows, fits, strict=True)]
+    back = np.linalg.inv(rows)
+    return back @ np.array(right), float(np.sqrt(np.sum((back * [error for *_, error in fits]) ** 2) / 2.0))

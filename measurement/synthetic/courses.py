@@ -13,15 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.outline.outline import Outline
+from measurement.synthetic.demo import PA_PER_CM
 from measurement.synthetic.photographer import dome_height
 
 Array = npt.NDArray[np.float64]
 Course = Callable[[Array], Array]
 
-CM = 95.1
-"""Pascal per cm of the bench's water."""
-
-READING, DENSITY = 0.07 * CM, 0.003
+READING, DENSITY = 0.07 * PA_PER_CM, 0.003
 """Standard errors of a pressure: of reading both tubes in Pa, and of the water's density as a share."""
 
 
@@ -89,7 +87,7 @@ COURSES: dict[str, tuple[Callable[[np.random.Generator], Course], str]] = {
 def run(kind: str, rng: np.random.Generator, count: int) -> Rows:
     """A good run of so many rows, one of them at zero."""
     make, driven = COURSES[kind]
-    top, most = rng.uniform(2e-3, 15e-3), rng.uniform(5.0, 60.0) * CM
+    top, most = rng.uniform(2e-3, 15e-3), rng.uniform(5.0, 60.0) * PA_PER_CM
     course = make(rng)
     fine = np.linspace(0.0, 1.0, 4001)
     greatest = float(course(fine).max())
@@ -171,7 +169,7 @@ def _second_zero(rows: Rows, rng: np.random.Generator) -> Rows:
 def _misread(rows: Rows, rng: np.random.Generator) -> Rows:
     k = _raised(rows, rng)
     pressures = rows.pressures.copy()
-    pressures[k] += rng.choice([-1.0, 1.0]) * rng.choice([1.0, 2.0, 5.0, 10.0]) * CM
+    pressures[k] += rng.choice([-1.0, 1.0]) * rng.choice([1.0, 2.0, 5.0, 10.0]) * PA_PER_CM
     return _changed(rows, (k,), pressures=pressures)
 
 

@@ -20,6 +20,9 @@ HEIGHTS = np.arange(10) * 1e-3
 RADIUS, FLOOR = 0.0145, -0.0067
 """Radius of the disk and Z of its undeformed surface in m: no grid line lies along it."""
 
+PA_PER_CM = 95.1
+"""Pressure in Pa of a centimetre of the column's water."""
+
 
 def column(height: float) -> float:
     """Height in cm of the demo's water column for a rise in m: stiff at first, then softer, as a membrane is."""

@@ -3,7 +3,7 @@
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/damaged_photographs.py --count 1000
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/damaged_photographs.py --count 200 --kind "second lamp,dent" --list
 
-Random benches (`measurement/synthetic/bench.py`), random damages of random size and place
+Random benches (`measurement/synthetic/damaged_run.py`), random damages of random size and place
 (`measurement/synthetic/damages.py`), the same for the same seed. A photograph is wrong if it is trusted and its apex, or more
 than 2 % of its outline, lies off by more than 25 um and more than three times what is stated, or if more than 1 mm of outline
 is missing. A photograph takes about 0.8 s of one core.
@@ -30,8 +30,10 @@ from collections.abc import Iterator
 import cv2
 
 from measurement.screen.grid_error import GridError
-from measurement.synthetic.bench import Bench, Run, Verdict
+from measurement.synthetic.bench import Bench
+from measurement.synthetic.damaged_run import Run
 from measurement.synthetic.damages import KINDS
+from measurement.synthetic.verdict import Verdict
 
 OUTCOMES = ("right", "refused", "untrusted", "wrong")
 

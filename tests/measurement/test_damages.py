@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from measurement.screen.grid_error import GridError
-from measurement.synthetic.bench import Bench, Run, Verdict
+from measurement.synthetic.bench import Bench
+from measurement.synthetic.damaged_run import Run
+from measurement.synthetic.verdict import Verdict
 
 BENCHES = (4, 5)
 

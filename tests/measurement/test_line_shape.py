@@ -15,8 +15,10 @@ from measurement.screen.grid import find_grid
 from measurement.screen.line_shape import LineShape
 from measurement.screen.setup import Setup
 from measurement.series.photo import outline_of, zero_of
-from measurement.synthetic.bench import Bench, across, lens_of
+from measurement.synthetic.bench import Bench
+from measurement.synthetic.damaged_run import lens_of
 from measurement.synthetic.photographer import photograph, truth_of
+from measurement.synthetic.verdict import across
 
 STEP = 0.005
 

@@ -15,15 +15,11 @@ PACKAGES = [Path(package.__file__).parent for package in (softmodels, measuremen
 
 LONG_FILES = {
     "measurement/own_folder.py",
-    "measurement/synthetic/bench.py",
 }
 LONG_FUNCTIONS = {
-    "measurement/screen/calibration.py: calibrate",
     "measurement/series/photo.py: outline_of",
 }
-MANY_PARAMETERS = {
-    "measurement/screen/grid_crossings.py: _profiles",
-}
+MANY_PARAMETERS: set[str] = set()
 
 
 def _files():
