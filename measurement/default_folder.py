@@ -27,7 +27,7 @@ def take_default(base: Path, kind: str, inputs: Mapping[str, Any]) -> OwnFolder:
     for path in numbered(base):
         own = OwnFolder(path, kind)
         record = own.record
-        same = record is not None and record.get("kind") == kind and own.about.get("inputs") == dict(inputs)
+        same = record is not None and record.kind == kind and record.about.get("inputs") == dict(inputs)
         if not same and os.path.lexists(path) and not own.is_free:
             continue
         try:

@@ -8,7 +8,7 @@ when their first part is whole: until then the earlier ones stay. Being cut off 
 from __future__ import annotations
 
 import contextlib
-import json
+import dataclasses
 import os
 import shutil
 from collections.abc import Iterable, Mapping
@@ -16,23 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from measurement.folder_lock import FolderLock
-from measurement.own_files import (
-    HIDDEN,
-    counts,
-    is_inside,
-    is_same,
-    is_step,
-    remove_inside,
-    remove_steps,
-    replace_text,
-    some,
-    version,
-)  # fmt: skip
+from measurement.folder_record import FORMAT, RECORD, Record, remove_recorded
+from measurement.own_files import HIDDEN, counts, is_same, is_step, remove_inside, some
 from measurement.wording import Spoken
 
-RECORD = f"{HIDDEN}.json"
-FORMAT = 1
-"""Of the record."""
 PATIENCE = 600.0
 """Seconds to wait for a program that draws into a folder which is to be replaced."""
 
@@ -60,26 +47,23 @@ class OwnFolder:
     # -- what is known of it ---------------------------------------------------------------------------------------
 
     @property
-    def record(self) -> dict[str, Any] | None:
-        """What the record says; None where there is none, or none that can be understood."""
-        try:
-            found = json.loads(self._record.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return None
-        whole = (
-            isinstance(found, dict) and isinstance(found.get("files"), list) and isinstance(found.get("about"), dict)
-        )
-        return found if whole and all(map(is_inside, found["files"])) else None
+    def record(self) -> Record | None:
+        """What is recorded; None where there is none, or none that can be understood."""
+        return Record.read(self._record)
+
+    @property
+    def _known(self) -> Record:
+        return self.record or Record(self.kind)
 
     @property
     def files(self) -> list[str]:
         """Names that are the program's own: relative, folders with a slash at the end."""
-        return list((self.record or {}).get("files", ()))
+        return list(self._known.files)
 
     @property
     def about(self) -> dict[str, Any]:
         """What was recorded of the results beside their files."""
-        return dict((self.record or {}).get("about", {}))
+        return dict(self._known.about)
 
     @property
     def is_free(self) -> bool:
@@ -98,15 +82,15 @@ class OwnFolder:
             OwnFolderError: It is something else, with what it is and what to do.
         """
         record = self.record
-        if record is not None and record.get("kind") == self.kind:
-            if record.get("format", 0) > FORMAT:
+        if record is not None and record.kind == self.kind:
+            if record.format > FORMAT:
                 raise OwnFolderError(
-                    f"{self.path} was written by a later version ({record.get('version')}); update, or take another folder"
+                    f"{self.path} was written by a later version ({record.version}); update, or take another folder"
                 )
             return
         if record is not None:
             raise OwnFolderError(
-                f"{self.path} holds another kind of results ({record.get('kind')}), which are not replaced; take another "
+                f"{self.path} holds another kind of results ({record.kind}), which are not replaced; take another "
                 "folder (--output)"
             )
         if self._record.name == RECORD and not self.is_free:
@@ -137,10 +121,6 @@ class OwnFolder:
                 f"{self.path / taken[0]} is there and was not written by this program, so it is not replaced; move it "
                 "away, or take another folder (--output)"
             )
-
-    def _inside(self, name: str) -> set[str]:
-        """Files that are recorded inside a folder of the program's own."""
-        return set((self.record or {}).get("inside", {}).get(name, ()))
 
     def check_inputs(self, inputs: Iterable[Path]) -> None:
         """Refuse inputs that lie among the results which are to be replaced.
@@ -187,7 +167,7 @@ class OwnFolder:
         if not self.lock.held:
             return
         with contextlib.suppress(OSError):
-            if "incoming" not in (self.record or {}):
+            if self._known.incoming is None:
                 shutil.rmtree(self._prepared, ignore_errors=True)
             if not self.files and self._record.exists() and (self._record.name != RECORD or self.is_free):
                 self._record.unlink()
@@ -209,18 +189,18 @@ class OwnFolder:
             OwnFolderError: Somebody else's file lies under one of the names.
             OSError: The record cannot be written.
         """
-        names = list(names)
+        names, known = list(names), self._known
         self.check_names(names)
-        self._write([*dict.fromkeys([*self.files, *names])], {**self.about, **(about or {})})
+        self._write(known.of([*known.files, *names]), {**known.about, **(about or {})})
 
     def remove(self, names: Iterable[str]) -> None:
         """Take away those of some names that are recorded, and forget them."""
-        own, gone = self.files, set(names)
-        for name in own:
-            if name in gone:
-                _remove(self.path, name, self._inside(name))
-        if gone & set(own):
-            self._write([name for name in own if name not in gone], self.about)
+        known, wanted = self._known, set(names)
+        gone = [name for name in known.files if name in wanted]
+        for name in gone:
+            remove_recorded(self.path, name, known.inside_of(name))
+        if gone:
+            self._write(known.of(name for name in known.files if name not in wanted), known.about)
 
     def forget_unwritten(self) -> None:
         """Forget names that were recorded and not written in the end: somebody else may use them."""
@@ -231,7 +211,7 @@ class OwnFolder:
         """An empty folder inside, for new results until `bring_in`."""
         shutil.rmtree(self._prepared, ignore_errors=True)
         if self.record is None:
-            self._write([], {})
+            self._write(Record(self.kind), {})
         self._prepared.mkdir()
         return self._prepared
 
@@ -242,6 +222,7 @@ class OwnFolder:
             OwnFolderError: Somebody else's file lies under one of the names.
             OSError: A file cannot be moved; `mend` goes on from there.
         """
+        known = self._known
         incoming = {
             file.name + "/" * file.is_dir(): sorted(inner.name for inner in file.iterdir()) if file.is_dir() else []
             for file in sorted(self._prepared.iterdir())
@@ -250,67 +231,45 @@ class OwnFolder:
         self.check_names(incoming)
         for name, inner in incoming.items():
             for file in inner:
-                if file not in self._inside(name) and (self.path / name / file).exists() and not is_step(file):
+                if file not in known.inside_of(name) and (self.path / name / file).exists() and not is_step(file):
                     raise OwnFolderError(
                         f"{self.path / name / file} is there and was not written by this program, so it is not replaced; "
                         "move it away, or take another folder (--output)"
                     )
         # Both the earlier and the new names are the program's from here on.
-        names = [*dict.fromkeys([*self.files, *incoming])]
-        inside = {name: sorted({*inner, *self._inside(name)}) for name, inner in incoming.items() if inner}
-        before = {name: sorted(self._inside(name)) for name in self.files if name.endswith("/") and name not in inside}
-        self._write(
-            names, self.about, {"inside": {**before, **inside}, "incoming": incoming, "incoming_about": dict(about)}
+        inside = {name: sorted({*inner, *known.inside_of(name)}) for name, inner in incoming.items() if inner}
+        begun = dataclasses.replace(
+            known.of([*known.files, *incoming]),
+            inside={**known.inside, **inside},
+            incoming=incoming,
+            incoming_about=about,
         )
+        self._write(begun, known.about)
         self.mend()
 
     def mend(self) -> None:
         """End what `bring_in` has begun; nothing happens if nothing was left halfway."""
-        record = self.record or {}
-        if "incoming" not in record:
+        known = self._known
+        if known.incoming is None:
             shutil.rmtree(self._prepared, ignore_errors=True)
             return
-        incoming = {name: inner for name, inner in record["incoming"].items() if is_inside(name)}
-        for name, inner in incoming.items():
+        for name, inner in known.incoming.items():
             source, target = self._prepared / name, self.path / name
             if not name.endswith("/"):
                 if source.exists():
                     source.replace(target)
             elif source.is_dir():
                 target.mkdir(exist_ok=True)
-                remove_inside(target, self._inside(name) - set(inner), keep=inner)
+                remove_inside(target, known.inside_of(name) - set(inner), keep=inner)
                 for file in sorted(source.iterdir()):
                     file.replace(target / file.name)
                 source.rmdir()
-        for name in record["files"]:
-            if name not in incoming:
-                _remove(self.path, name, self._inside(name))
-        inside = {name: inner for name, inner in incoming.items() if inner and not all(map(is_step, inner))}
-        self._write(list(incoming), record.get("incoming_about", {}), {"inside": inside} if inside else {})
+        for name in known.files:
+            if name not in known.incoming:
+                remove_recorded(self.path, name, known.inside_of(name))
+        inside = {name: inner for name, inner in known.incoming.items() if inner and not all(map(is_step, inner))}
+        self._write(Record(self.kind, tuple(known.incoming), inside=inside), known.incoming_about)
         shutil.rmtree(self._prepared, ignore_errors=True)
 
-    def _write(self, files: list[str], about: Mapping[str, Any], more: Mapping[str, Any] | None = None) -> None:
-        if more is None:
-            inside = {name: inner for name, inner in (self.record or {}).get("inside", {}).items() if name in files}
-            more = {"inside": inside} if inside else {}
-        record = {
-            "written_by": "softmodels", "version": version(), "format": FORMAT, "kind": self.kind, "files": files,
-            "about": dict(about), **more,
-        }  # fmt: skip
-        replace_text(self._record, json.dumps(record, indent=1) + "\n")
-
-
-def _remove(folder: Path, name: str, inside: Iterable[str] = ()) -> None:
-    """Take a recorded file away; of a folder what is recorded inside, and the folder if nothing else is in it."""
-    path = folder / name
-    if not name.endswith("/"):
-        if not path.is_dir():
-            path.unlink(missing_ok=True)
-        path.with_name(f"{path.name}.part").unlink(missing_ok=True)
-    elif path.is_dir() and not path.is_symlink():
-        inner = OwnFolder(path, "")
-        for own in inner.files:
-            _remove(path, own)
-        if inner.record is not None:
-            (path / RECORD).unlink(missing_ok=True)
-        remove_steps(path, inside)
+    def _write(self, record: Record, about: Mapping[str, Any]) -> None:
+        dataclasses.replace(record, kind=self.kind, about=about).write(self._record)

@@ -6,18 +6,14 @@ carries the whole arms' precision into the crossing, whose own pixels (rounded b
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, median_filter
 
 from measurement.camera.camera import Camera, Points
-from measurement.robust import deviation
+from measurement.screen.grid_arms import Arms, LineLight, fit_line
 from measurement.screen.grid_error import FEWEST, GridError
-from measurement.screen.grid_lines import reduced
 from measurement.screen.plane import Plane, PlaneError
 
 ARM = (0.12, 0.44)
@@ -84,65 +80,6 @@ def _nodes(camera: Camera, plane: Plane) -> NDArray[np.int64]:
     return seen_nodes[np.sort(np.random.default_rng(0).choice(len(seen_nodes), ENOUGH, replace=False))]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Arms:
-    """The two arms of a crossing along one axis of the lattice, in ideal px.
-
-    Attributes:
-        centre: The crossing, shape (2,).
-        unit: Direction along the line, shape (2,).
-        normal: Direction across it, shape (2,).
-        cells: Lengths of the cells before and behind the crossing: in perspective one is longer.
-    """
-
-    centre: Points
-    unit: Points
-    normal: Points
-    cells: tuple[float, float]
-
-    @classmethod
-    def of(cls, plane: Plane, node: NDArray[np.int64], axis: int) -> _Arms:
-        """Those of a crossing of the lattice."""
-        half = 0.5 * np.eye(2)[axis]
-        centre, ahead, behind = plane.to_pixels(np.array([node, node + half, node - half], dtype=float))
-        unit = (ahead - behind) / np.linalg.norm(ahead - behind)
-        cells = 2.0 * float(np.linalg.norm(ahead - centre)), 2.0 * float(np.linalg.norm(behind - centre))
-        return cls(centre, unit, np.array([-unit[1], unit[0]]), cells)
-
-    def along(self, shares: Points) -> Points:
-        """Distances (n,) in px from the crossing for shares (n,) of the cells, negative behind it."""
-        return np.where(shares > 0, *self.cells) * shares
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Light:
-    """A photograph as the logarithm of light.
-
-    Attributes:
-        value: Shape (h, w), made smaller.
-        factor: Pixels of the photograph per pixel of it.
-        camera: The camera.
-    """
-
-    value: NDArray[np.float32]
-    factor: int
-    camera: Camera
-
-    @classmethod
-    def of(cls, gray: NDArray[np.uint8], factor: int, camera: Camera) -> _Light:
-        """That of gray values (h, w)."""
-        return cls(np.log(reduced(gray, factor) + 4.0), factor, camera)
-
-    def cuts(self, arms: _Arms, along: Points, across: Points) -> Points:
-        """Light (rows, columns) at distances (rows,) along and (columns,) across arms in ideal px; NaN outside."""
-        places = arms.centre + along[:, None, None] * arms.unit + across[None, :, None] * arms.normal
-        raw = (self.camera.distort(places.reshape(-1, 2)).reshape(places.shape) + 0.5) / self.factor - 0.5
-        height, width = self.value.shape
-        inside = (raw >= 0.0).all(axis=2) & (raw[..., 0] <= width - 1) & (raw[..., 1] <= height - 1)
-        x, y = np.moveaxis(raw.astype(np.float32), -1, 0)
-        return np.where(inside, cv2.remap(self.value, x, y, cv2.INTER_LINEAR), np.nan)
-
-
 def _pitch_px(plane: Plane, node: NDArray[np.int64]) -> Points:
     """Distance in px (2,) between the lines that run along the first and the second axis, measured across them."""
     axes = np.linalg.inv(plane.jacobian(plane.to_pixels(node.astype(float)))[0])
@@ -157,12 +94,12 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: Plane) -> tupl
         raise GridError(f"only {len(nodes)} crossings of the grid are in the picture; at least {FEWEST} are needed")
     shares = np.linspace(-0.6, 0.6, 241)
     along = np.concatenate([np.linspace(*ARM, 8), -np.linspace(*ARM, 8)])
-    light = _Light.of(gray, 1, camera)
+    light = LineLight.of(gray, 1, camera)
     cuts: tuple[list[Points], list[Points]] = ([], [])
     for node in nodes[:: max(1, len(nodes) // 60)]:
         pitch = _pitch_px(lattice, node)
         for axis in (0, 1):
-            arms = _Arms.of(lattice, node, axis)
+            arms = Arms.of(lattice, node, axis)
             shown = light.cuts(arms, arms.along(along), shares * pitch[axis])
             for arm in (shown[:8], shown[8:]):
                 if np.isfinite(arm[:, np.abs(shares) < 0.45]).all():
@@ -225,7 +162,7 @@ def _measure(
     spacing = float(np.median(pitches))
     # Eight pixels over the line are enough to find its centre, and their means hold all the light there is.
     factor = max(1, int(half * spacing / 8.0))
-    light = _Light.of(gray, factor, camera)
+    light = LineLight.of(gray, factor, camera)
     found, numbers, errors = [], [], []
     for node, pitch in zip(nodes, pitches, strict=True):
         fits = []
@@ -236,9 +173,9 @@ def _measure(
             # Three samples a pixel: with one, a sharp line's centre of darkness depends on where the samples fall.
             columns = 2 * int(np.clip(3.0 * reach / factor, 8, 60)) + 1
             across = np.linspace(-reach, reach, columns)
-            arms = _Arms.of(plane, node, axis)
+            arms = Arms.of(plane, node, axis)
             distance = arms.along(along)
-            fitted = _fit_line(light.cuts(arms, distance, across), across, distance, depth)
+            fitted = fit_line(light.cuts(arms, distance, across), across, distance, depth)
             if fitted is not None:
                 fits.append((arms, *fitted))
         if len(fits) < 2:
@@ -251,50 +188,7 @@ def _measure(
     return np.array(found).reshape(-1, 2), np.array(numbers, dtype=int).reshape(-1, 2), np.array(errors)
 
 
-def _fit_line(shown: Points, across: Points, along: Points, depth: float) -> tuple[float, float, float] | None:
-    """Offset (px) and slope of the line through the cuts' centres, and the offset's standard error."""
-    edge = max(1, len(across) // 6)
-    left, right = shown[:, :edge].mean(axis=1), shown[:, -edge:].mean(axis=1)
-    outer = np.abs(across[0]) - (edge - 1) / 2 * (across[1] - across[0])
-    ground = (left + right)[:, None] / 2 + (right - left)[:, None] / 2 * (across / outer)
-    dark = ground - shown
-    dip = dark[:, np.abs(across) <= np.abs(across[0]) / 3].mean(axis=1)
-    # A cut must show this grid's line, with about the same light on both of its sides: no edge of a shadow, no dust.
-    good = np.isfinite(dip) & (dip > 0.35 * depth) & (dip < 1.6 * depth) & ~_shaded(left - right, depth)
-    if good.sum() < max(4, 0.4 * len(along)):
-        return None
-    places = np.full(len(along), np.nan)
-    places[good] = (dark[good] @ across) / dark[good].sum(axis=1)
-    good &= np.abs(places) < 0.8 * np.abs(across[0])
-    for _ in range(4):
-        if good.sum() < max(4, 0.35 * len(along)):
-            return None
-        design = np.column_stack([np.ones(good.sum()), along[good]])
-        answer = np.linalg.lstsq(design, places[good])[0]
-        missed = places - answer[0] - answer[1] * along
-        spread = deviation(missed[good]) + 1e-3
-        wanted = good & (np.abs(missed) < 3.5 * spread)
-        if np.array_equal(wanted, good):
-            break
-        good = wanted
-    design = np.column_stack([np.ones(good.sum()), along[good]])
-    variance = float(np.sum(missed[good] ** 2)) / max(1, good.sum() - 2)
-    error = np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0])
-    return float(answer[0]), float(answer[1]), float(error)
-
-
-def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
-    """Cuts whose sides differ in brightness because an edge of the shadow or dust is near, and the cuts beside them."""
-    known = np.isfinite(difference)
-    if not known.any():
-        return ~known
-    # The sides are compared over seven cuts at once, and no more strictly than noise allows.
-    smooth = median_filter(np.where(known, difference, np.inf), size=7, mode="nearest")
-    noise = deviation(difference[known] - np.median(difference[known])) / np.sqrt(7.0)
-    return maximum_filter(np.abs(smooth) > np.clip(4.0 * noise, 0.06 * depth, 0.35 * depth), size=5, mode="nearest")
-
-
-def _cross(fits: list[tuple[_Arms, float, float, float]]) -> tuple[Points, float]:
+def _cross(fits: list[tuple[Arms, float, float, float]]) -> tuple[Points, float]:
     """Where the two fitted lines of a crossing meet (ideal px), and its standard error per axis."""
     rows = np.array([arms.normal - arms.unit * slope for arms, _, slope, _ in fits])
     right = [row @ arms.centre + offset for row, (arms, offset, _, _) in zip(rows, fits, strict=True)]

@@ -36,6 +36,9 @@ READING = 0.1
 SIDE = 0.5
 """Cosine of the angle to the surface from which an edge is the body's side."""
 
+MOST_OVERHANG = 0.01
+"""Share of the outline's points that may lie behind the one before."""
+
 GAP, LARGEST_GAP = 1e-3, 4e-3
 """Missing length of edge in m that makes an outline untrusted, and that makes it none."""
 
@@ -102,68 +105,83 @@ def outline_of(
     Raises:
         Unmeasurable: What is seen is no outline of an actuator on this surface.
     """
-    placed = zero.place(traced.points)
-    error = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
-    error = np.hypot(error, zero.error_at(placed[:, 0]) * np.abs(traced.normals @ zero.normal))
-    if np.isfinite(traced.moved):
-        # What the grid's own reading leaves uncertain is in the plane's error already; only more than that has moved.
-        error = np.hypot(error, np.sqrt(max(0.0, traced.moved**2 - (READING * traced.scale) ** 2)))
+    placed, upwards = zero.place(traced.points), traced.normals @ zero.normal
+    error = _placing_error(traced, setup, zero, placed, upwards)
     _check_rim(traced, zero)
     above = placed[:, 1] > -np.maximum(BELOW * error, ON_SURFACE)
     if above.sum() < FEWEST_POINTS:
         raise Unmeasurable(
             "the shadow lies below the surface at zero pressure: the actuator has moved, or the zero is wrong"
         )
-    upwards = traced.normals @ zero.normal
     check_top(placed, above, upwards, error)
-    reasons = list(traced.doubts)
-    sunk, moved, doubt = displacement(placed, upwards, error, zero)
+    sunk, moved, displaced = displacement(placed, upwards, error, zero)
     error = np.hypot(error, moved)
     scale, spread = _scale(placed, upwards, error, traced.bridged, zero)
     error = np.hypot(error, spread * np.abs(placed[:, 1]))
     raw = zero.place(setup.to_metres(traced.edge.px))
     error = np.hypot(error, unsure(raw))
-    doubts = [doubt, check_corners(raw), check_ripples(raw), check_width(placed, error, zero)]
-    doubts.append(check_clear(placed[above], error[above]))
-    reasons += [doubt for doubt in doubts if doubt is not None]
+    doubts = [
+        displaced,
+        check_corners(raw),
+        check_ripples(raw),
+        check_width(placed, error, zero),
+        check_clear(placed[above], error[above]),
+    ]
     sunken = ~above & ~traced.bridged
     above &= ~_rounded(placed, upwards)
     if above.sum() < FEWEST_POINTS:
         raise Unmeasurable("between the body's two sides too little of its surface is seen")
-    kept = np.nonzero(above)[0]
-    first, last = kept[0], kept[-1]
-    reasons += [f"of the zero plane's photograph: {doubt}" for doubt in zero.doubts]
-    if zero.tone and zero.tone != traced.tone:
-        reasons.append(
-            f"it seems to store light as {traced.tone} where the zero plane's photograph has {zero.tone}; tell which it is "
-            "with --tone"
-        )
-    inner = slice(first, last + 1)
+    kept = np.flatnonzero(above)
+    inner = slice(kept[0], kept[-1] + 1)
     # A surface that has sunk as a whole, or beside the bulge, is no dent.
     _check_dents(placed[inner], sunken[inner] & (placed[inner, 1] < -ON_SURFACE - 2.0 * max(sunk, 0.0)))
-    reasons += _gaps(placed[inner], error[inner], above[inner], traced.bridged[inner], traced.doubts)
-    overhang = _overhang(placed[kept], error[kept])
-    if overhang > 0.01:
-        reasons.append(f"{overhang:.0%} of the outline overhangs, which heights over x cannot show")
-    if setup.grid_pitch is None:
-        reasons.append("without a grid in the setup nothing tells whether the camera has moved")
+    gaps = _gaps(placed[inner], error[inner], above[inner], traced.bridged[inner], traced.doubts)
+    own = [doubt for doubt in doubts if doubt is not None]
+    overhang = _overhanging(placed[kept], error[kept])
+    reasons = (*traced.doubts, *own, *_doubts_of_zero(traced, zero), *gaps, *overhang, *_doubts_of_setup(setup))
     order = kept[np.argsort(placed[kept, 0], kind="stable")]
+    x, z = placed[order].T
     try:
         return Outline(
-            placed[order, 0],
-            placed[order, 1],
+            x,
+            z,
             error[order],
             pressure,
             pressure_error,
             source,
             not reasons,
-            tuple(reasons),
+            reasons,
             sunk,
             scale,
             traced.bridged[order],
         )
     except OutlineError as problem:
         raise Unmeasurable(str(problem)) from None
+
+
+def _placing_error(traced: Traced, setup: Setup, zero: ZeroLine, placed: Array, upwards: Array) -> Array:
+    """Standard errors (n,) in m of an edge above the surface: edge, screen, surface and a camera that has moved."""
+    error = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
+    error = np.hypot(error, zero.error_at(placed[:, 0]) * np.abs(upwards))
+    if np.isfinite(traced.moved):
+        # What the grid's own reading leaves uncertain is in the plane's error already; only more than that has moved.
+        error = np.hypot(error, np.sqrt(max(0.0, traced.moved**2 - (READING * traced.scale) ** 2)))
+    return error
+
+
+def _doubts_of_zero(traced: Traced, zero: ZeroLine) -> list[str]:
+    """What the zero plane's photograph has against an outline above it."""
+    found = [f"of the zero plane's photograph: {doubt}" for doubt in zero.doubts]
+    if zero.tone and zero.tone != traced.tone:
+        found.append(
+            f"it seems to store light as {traced.tone} where the zero plane's photograph has {zero.tone}; tell which it is "
+            "with --tone"
+        )
+    return found
+
+
+def _doubts_of_setup(setup: Setup) -> list[str]:
+    return [] if setup.grid_pitch else ["without a grid in the setup nothing tells whether the camera has moved"]
 
 
 def _check_rim(traced: Traced, zero: ZeroLine) -> None:
@@ -244,8 +262,10 @@ def _gaps(
     return found
 
 
-def _overhang(placed: Array, error: Array) -> float:
-    """Share of the points from which the outline runs back."""
+def _overhanging(placed: Array, error: Array) -> list[str]:
+    """What speaks against an outline that runs back along the surface."""
     step = np.diff(placed[:, 0])
     forward = step if np.median(step) > 0.0 else -step
-    return float(np.mean((forward < -2.0 * np.minimum(error[1:], error[:-1])) & (placed[1:, 1] > ON_SURFACE)))
+    back = (forward < -2.0 * np.minimum(error[1:], error[:-1])) & (placed[1:, 1] > ON_SURFACE)
+    share = float(np.mean(back))
+    return [f"{share:.0%} of the outline overhangs, which heights over x cannot show"] if share > MOST_OVERHANG else []
