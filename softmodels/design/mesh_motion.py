@@ -65,7 +65,7 @@ class MeshMotion:
     def _node_of_each_dof(self) -> npt.NDArray[np.int64]:
         """The mesh's node that each block of dofs of the coordinate space belongs to."""
         found = np.empty(len(self.space.tabulate_dof_coordinates()), dtype=np.int64)
-        found[self.space.dofmap.list.ravel()] = self.body.mesh.geometry.dofmap.ravel()
+        found[self.space.dofmap.list.ravel()] = self.body.mesh.geometry.dofmaps[0].ravel()
         return found
 
     @property
@@ -109,10 +109,10 @@ class MeshMotion:
         mesh = self.body.mesh
         points, _ = basix.make_quadrature(mesh.basix_cell(), 3)
         # Of order 1 or 2, for which all variants of the element are one.
-        cells = basix.ufl.element("P", mesh.basix_cell(), mesh.geometry.cmap.degree)
+        cells = basix.ufl.element("P", mesh.basix_cell(), mesh.geometry.cmaps[0].degree)
         gradients = cells.tabulate(1, points)[1:]  # (d, points, nodes)
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        corners = mesh.geometry.x[mesh.geometry.dofmap[:owned]][..., : self.dimension]
+        corners = mesh.geometry.x[mesh.geometry.dofmaps[0][:owned]][..., : self.dimension]
         jacobians = np.einsum("dpn,cni->cpid", gradients, corners)
         return np.linalg.det(jacobians)
 

@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 
 POOREST = 0.3
 """Quality of the mesh below which the device is meshed again."""
-FARTHEST = 2.0
+FARTHEST = 3.0
 """Working pressures up to which a limit point is looked for."""
 
 
@@ -65,7 +65,7 @@ class DesignModel:
         if any(isinstance(part, OfLimit) for part in parts):
             up_to = highest or FARTHEST * self.question.working
             self.question = dataclasses.replace(self.question, highest=up_to)
-        self._meshed: MeshedDesign | None = None
+        self.meshed: MeshedDesign | None = None
 
     @property
     def start(self) -> Array:
@@ -91,7 +91,7 @@ class DesignModel:
         """
         device = self.device(theta)
         remeshed = self._ready(device)
-        meshed = self._meshed
+        meshed = self.meshed
         assert meshed is not None
         found, notes = meshed.judge()
         values, gradients, by_material = self._gathered(found)
@@ -125,26 +125,26 @@ class DesignModel:
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold."""
-        if self._meshed is not None:
-            self._meshed.release()
-            self._meshed = None
+        if self.meshed is not None:
+            self.meshed.release()
+            self.meshed = None
 
     # -- meshes and states ----------------------------------------------------------------------------------------------
 
     def _ready(self, device: Actuator) -> bool:
         """Bring mesh and states to a device; whether a fresh mesh was made."""
-        if self._meshed is not None:
+        if self.meshed is not None:
             try:
-                self._meshed.states.newton = 0
-                self._meshed.follow(device)
+                self.meshed.states.newton = 0
+                self.meshed.follow(device)
             except (GeometryError, NoConvergence) as failure:
                 self.report(f"meshed again: {failure}")
             else:
-                if self._meshed.design.motion.quality() >= POOREST:
+                if self.meshed.design.motion.quality() >= POOREST:
                     return False
                 self.report("meshed again: the moved cells have become poor")
             self.release()
-        self._meshed = MeshedDesign.fresh(self.case, device, self.question, self.comm)
+        self.meshed = MeshedDesign.fresh(self.case, device, self.question, self.comm)
         return True
 
     # -- values and gradients -------------------------------------------------------------------------------------------

@@ -1,0 +1,83 @@
+"""Devices that are designed, and what is asked of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.case.case import Case
+from softmodels.design.loads import Load
+from softmodels.design.model import DesignModel
+from softmodels.design.quantities.geometric import Clearances
+from softmodels.design.quantities.limits import LimitMargin
+from softmodels.design.quantities.peaks import MaxStretch, VonMises
+from softmodels.design.quantities.places import Place, Rise
+from softmodels.design.quantities.volumes import AddedVolume, Mass, StoredEnergy
+from softmodels.materials.laws import NeoHookean
+
+WORKING = 2000.0
+"""Pa; a thin disk of this silicone balloons at 3.4 kPa."""
+PAST = Load("volume", 40e-6)
+"""Far past the limit point."""
+SILICONE = NeoHookean(20e3, 0.49)
+
+
+@pytest.fixture(scope="session")
+def designed():
+    """Return a function that makes a design model of a device, kept for the session."""
+    known = {}
+
+    def make(device, names, quantities, comm, **more):
+        key = (device, tuple(names), tuple(quantities), tuple(more.items()))
+        if key not in known:
+            case = Case(name="design", actuator=device, material=SILICONE, pressures_cm=(20.0,))
+            known[key] = DesignModel(case, names, quantities, comm, **more)
+        return known[key]
+
+    yield make
+    for model in known.values():
+        model.release()
+
+
+@pytest.fixture(scope="session")
+def thin_disk():
+    """A thin disk's section whose membrane has a profile."""
+    return HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004, profile=(1.0, 1.0, 1.1))
+
+
+@pytest.fixture(scope="session")
+def of_all_kinds():
+    """Quantities of every kind before and past the limit point."""
+    return (
+        Rise(at=WORKING), Place(at=WORKING, of="ceiling"), AddedVolume(at=WORKING), StoredEnergy(at=WORKING),
+        MaxStretch(at=WORKING), VonMises(at=WORKING), LimitMargin(), Mass(), Rise(at=PAST), StoredEnergy(at=PAST),
+        MaxStretch(at=PAST), Clearances(),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def taylor():
+    """Return a function that gives, by quantity, the order of Taylor's remainder and its last share of the linear part."""
+
+    def remainders(model, name, share=0.01):
+        start = model.start
+        here = model.evaluate(start)
+        i, found = model.names.index(name), {}
+        step = share * start[i]
+        left = []
+        for part in (1.0, 0.5, 0.25):
+            theta = start.copy()
+            theta[i] += part * step
+            there = model.evaluate(theta)
+            left.append(
+                {key: there.values[key] - here.values[key] - part * step * g[i] for key, g in here.gradients.items()}
+            )
+        for key, gradient in here.gradients.items():
+            linear = abs(0.25 * step * gradient[i])
+            last, before = abs(left[2][key]), abs(left[1][key])
+            if max(linear, last) > 1e-9 * abs(here.values[key]):
+                found[key] = np.log2(before / last) if last else np.inf, last / linear
+        return found
+
+    return remainders

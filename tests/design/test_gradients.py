@@ -1,0 +1,99 @@
+"""Gradients of all quantities by all parameters: Taylor's remainder, differences of located limits, and several ranks."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.case.case import Case
+from softmodels.design.model import DesignModel
+from softmodels.design.quantities.limits import LimitPressure
+from softmodels.design.quantities.places import Rise
+from softmodels.design.quantities.volumes import AddedVolume
+from softmodels.materials.laws import Yeoh
+
+TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
+LENGTHS = (
+    "membrane", "cavity_radius", "wall", "base", "cavity_height", "fillet", "base_fillet",
+    "profile[1]", "profile[2]", "profile[3]",
+)  # fmt: skip
+WORKING = 2000.0
+
+
+def is_second_order(figure, what, found):
+    """Either the remainder falls as the square of the step, or it is next to nothing: the square's factor may vanish."""
+    assert found
+    for key, (order, share) in found.items():
+        if share > 2e-3:
+            figure(TAYLOR, f"distance of the order from 2, {what}", order - 2.0, 0.3)
+        else:
+            figure(TAYLOR, f"remainder over the linear part at a step of a quarter percent, {what}", share, 2e-3)
+        assert order > 1.5 or share < 2e-3, key
+
+
+@pytest.mark.parametrize("name", LENGTHS)
+def test_sections(designed, thin_disk, of_all_kinds, taylor, comm, figure, name):
+    is_second_order(figure, "section", taylor(designed(thin_disk, LENGTHS, of_all_kinds, comm), name))
+
+
+@pytest.mark.parametrize("name", ["membrane", "cavity_radius", "profile[1]"])
+def test_wedges(designed, taylor, comm, figure, name):
+    wedge = HollowDisk.variant("shadow", angle=15.0, azimuth=20.0, cell_size=0.006, profile=(1.0, 1.0))
+    names = ("membrane", "cavity_radius", "profile[1]")
+    quantities = (Rise(at=WORKING), AddedVolume(at=WORKING), LimitPressure())
+    is_second_order(figure, "wedge", taylor(designed(wedge, names, quantities, comm), name))
+
+
+@pytest.mark.parametrize("name", ["c1", "c2", "poisson"])
+def test_numbers_of_the_material(of_all_kinds, thin_disk, comm, figure, name):
+    """Against differences of states that were solved for on one mesh with other numbers."""
+    law = Yeoh(10e3, 100.0, 0.0, 0.49)
+    case = Case(name="law", actuator=thin_disk, material=law, pressures_cm=(20.0,))
+    model = DesignModel(case, ("membrane",), of_all_kinds, comm, materials=(name,))
+    here = model.evaluate(model.start)
+    meshed, step, ends = model.meshed, 1e-3 * getattr(law, name), []
+    for sign in (1, -1):
+        meshed.design.system.set_material(dataclasses.replace(law, **{name: getattr(law, name) + sign * step}))
+        meshed.states.carry()
+        ends.append(meshed.judge(gradients=False)[0])
+    model.release()
+    for key, rates in here.material_gradients.items():
+        difference = (ends[0][key].value - ends[1][key].value) / (2 * step)
+        scale = max(abs(difference), 1e-3 * abs(here.values[key] / getattr(law, name)))
+        figure("differences on one mesh", f"derivative by {name}", (rates[name] - difference) / scale, 1e-4)
+
+
+@pytest.mark.parametrize("name", ["membrane", "cavity_radius", "profile[1]"])
+def test_limit_pressures(designed, thin_disk, comm, figure, name):
+    """Against differences of limits that were located on the moved meshes."""
+    model = designed(thin_disk, LENGTHS, (LimitPressure(at=None), Rise(at=WORKING)), comm)
+    i, start = LENGTHS.index(name), model.start
+    step = 2e-4 * start[i]
+    ends = [model.evaluate(start + sign * step * np.eye(len(start))[i]).values["limit pressure"] for sign in (1, -1)]
+    rate = model.evaluate(start).gradients["limit pressure"][i]
+    figure(
+        "differences of located limits",
+        "derivative of the limit pressure",
+        (ends[0] - ends[1]) / (2 * step * rate) - 1,
+        1e-5,
+    )
+
+
+def test_designs_are_carried(designed, thin_disk, of_all_kinds, comm, figure):
+    """A state that was carried through another design is the same again, and nearly that of a fresh mesh there."""
+    model = designed(thin_disk, LENGTHS, of_all_kinds, comm)
+    start = model.start
+    first = model.evaluate(start)
+    far = model.evaluate(start * (1 + 0.1 * np.array([1, -1, 1, 0, 0, 0, 0, -1, 1, 0])))
+    assert not far.remeshed and far.newton < 100
+    back = model.evaluate(start)
+    for key, value in first.values.items():
+        figure("the same design before", "a design come back to, every quantity", back.values[key] / value - 1, 1e-7)
+    fresh = model.confirm(far.theta)
+    for key in ("rise at 2 kPa", "added volume at 2 kPa", "limit margin", "mass"):
+        figure(
+            "a fresh mesh", "a carried mesh with lengths changed by 10 %", far.values[key] / fresh.values[key] - 1, 3e-3
+        )
