@@ -170,7 +170,7 @@ def abort_on_error(comm: MPI.Comm) -> None:
     sys.excepthook = hook
 
 
-def gathered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T]) -> Any:
+def gathered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T]) -> npt.NDArray[T] | None:
     """Rows of all ranks' arrays, one below the other in the order of ranks, on rank 0; None elsewhere."""
     import numpy as np
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import Any
 
 from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
+from softmodels.path.quantities import Supply
 from softmodels.results.column import Column, Columns, Solved
 from softmodels.results.forces import MEASURES
 from softmodels.results.output_fields import FIELDS, Extreme, OutputField
@@ -69,7 +69,7 @@ def _stroke(solved: Solved) -> float:
     return float(curve.value(V, P) * solved.fields.system.volume_unit)
 
 
-def _on_supply(solved: Solved) -> tuple[float, float, Any]:
+def _on_supply(solved: Solved) -> tuple[float, float, Supply]:
     """Dimensionless volume and pressure of a state, and the supply's curves."""
     eq, supply = solved.fields.system, solved.case.supply
     assert supply is not None

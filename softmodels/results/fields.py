@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -89,7 +90,7 @@ class Fields:
         """The dofs that `raw` took apart; see `StateDofs.dofs`."""
         return self._dofs.dofs(u, p)
 
-    def state(self, nodal: dict[str, Array] | None, P: float, V: float) -> State:
+    def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
         """The state that `nodal` was made of; see `StateDofs.state`."""
         return self._dofs.state(nodal, P, V)
 

@@ -5,13 +5,13 @@ Nodes are sorted by position and cells by their number in the mesh file, so that
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.mpi import gathered
 from softmodels.mechanics.system import System
+
+Array = npt.NDArray[np.float64]
 
 CELL_NAMES = {2: "Triangle_6", 3: "Tetrahedron_10"}
 
@@ -42,7 +42,7 @@ class Grid:
             self.comm, index_map.local_to_global(local_cells.ravel().astype(np.int32)).reshape(local_cells.shape)
         )
         numbers = gathered(self.comm, body.mesh.topology.original_cell_index[: len(system.cells)])
-        if everywhere is None:
+        if everywhere is None or cells is None or numbers is None:
             self.points, self.cells, self.order = (
                 np.empty((0, 3)),
                 np.empty((0, 0), dtype=np.int64),
@@ -101,7 +101,7 @@ def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32]
     return np.column_stack(columns), pressures
 
 
-def _matched(grid: Grid, points: Any) -> npt.NDArray[np.int64]:
+def _matched(grid: Grid, points: Array) -> npt.NDArray[np.int64]:
     """For each point, the local node of the grid at the same place."""
     from scipy.spatial import KDTree
 

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
+
 Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
 
 SAMPLES = 9  # places per piece from which the closest point is looked for
 NEAREST = 8  # samples whose pieces are tried for each point
@@ -33,7 +37,7 @@ class Closest:
     """
 
     distance: Array
-    piece: npt.NDArray[np.int64]
+    piece: Indices
     weights: Array
     normal: Array
 
@@ -56,7 +60,7 @@ class QuadraticCurve:
 
     nodes: Array
 
-    def at(self, piece: Any, s: Any) -> tuple[Array, Array, Array]:
+    def at(self, piece: Indices | int, s: Array | float) -> tuple[Array, Array, Array]:
         """Place, first and second derivative at the parameters s in -1...1 of pieces; shapes (..., 2)."""
         s = np.asarray(s, dtype=float)
         nodes = self.nodes[piece]
@@ -66,7 +70,7 @@ class QuadraticCurve:
         return place, slope, bend
 
     @functools.cached_property
-    def _samples(self) -> tuple[Any, npt.NDArray[np.int64], Array]:
+    def _samples(self) -> tuple[KDTree, Indices, Array]:
         from scipy.spatial import KDTree
 
         s = np.linspace(-1.0, 1.0, SAMPLES)
@@ -98,7 +102,7 @@ class QuadraticCurve:
         pick = np.arange(len(points)), best
         return self._signed(points, piece[pick], s[pick], place[pick], slope[pick])
 
-    def _signed(self, points: Array, piece: Any, s: Any, place: Array, slope: Array) -> Closest:
+    def _signed(self, points: Array, piece: Indices, s: Array, place: Array, slope: Array) -> Closest:
         slope = slope / np.linalg.norm(slope, axis=1)[:, None]
         left = np.column_stack([-slope[:, 1], slope[:, 0]])
         gap = points - place
@@ -112,7 +116,7 @@ class QuadraticCurve:
         normal[joint] = side[joint, None] * gap[joint] / size[joint, None]
         return Closest(np.where(joint, side * size, along), np.asarray(piece), shapes(s), normal)
 
-    def _sides(self, piece: Any, s: Any, left: Array, gap: Array) -> Array:
+    def _sides(self, piece: Indices, s: Array, left: Array, gap: Array) -> Array:
         other = np.clip(piece + np.where(s >= 1.0, 1, np.where(s <= -1.0, -1, 0)), 0, len(self.nodes) - 1)
         slope = self.at(other, np.where(other == piece, s, -s))[1]
         slope = slope / np.linalg.norm(slope, axis=1)[:, None]
@@ -120,7 +124,7 @@ class QuadraticCurve:
         return (both * gap).sum(-1)
 
 
-def shapes(s: Any) -> Array:
+def shapes(s: Array) -> Array:
     """Shape functions of a piece's nodes at parameters s, shape (..., 3)."""
     s = np.asarray(s, dtype=float)
     return np.stack([s * (s - 1) / 2, s * (s + 1) / 2, 1 - s * s], axis=-1)

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,14 @@ from softmodels.path.schedule import Stop, goes_on
 from softmodels.results.columns import cavity_columns
 from softmodels.results.outcomes import BAD_INPUT, RunError
 from softmodels.results.store import Results
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from softmodels.mechanics.system import State
+    from softmodels.path.points import Point
+    from softmodels.results.fields import Fields
+    from softmodels.results.restart import Restart
 
 Array = npt.NDArray[np.float64]
 
@@ -90,7 +98,7 @@ def check_values(case: Case, results: Results) -> None:
             )
 
 
-def last_stop(case: Case, results: Results, fields: Any, comm: Any) -> Stop:
+def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> Stop:
     """The end of a program's step that the stored states end with."""
     row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
     last = on_root(comm, lambda: len(results.stored) - 1)
@@ -105,7 +113,7 @@ def stopped_at(results: Results, key: str, value: float) -> bool:
     return any(row["requested"] and math.isclose(row[key], value, rel_tol=1e-6) for row in results.rows)
 
 
-def stored_points(results: Results, fields: Any, comm: Any) -> list[Any]:
+def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Point]:
     """The points a trace goes on from: bifurcations, the first limit point, the last one factorised at, and the last two."""
     records = on_root(comm, lambda: [stored.restart for stored in results.stored])
     # A bifurcation is interpolated: the path did not go on from it.
@@ -126,34 +134,40 @@ class Stored(Protocol):
 
 
 def stored_point(
-    results: Stored, fields: Any, comm: Any, step: int, restart: Mapping[str, Any], branching: bool
-) -> Any:
+    results: Stored, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
+) -> Point:
     """The point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
     from softmodels.mechanics.solver import Tangent
     from softmodels.path.points import Point
     from softmodels.path.stability import Signature
 
-    record = dict(restart)
-    signature, direction = Signature(**record.pop("signature")), record.pop("tangent", (0.0, 0.0))
-    state, rate = stored_state(results, fields, comm, step, record.pop("P"), record.pop("V"))
-    state = dataclasses.replace(state, iterations=record.pop("iterations"))
+    state, rate = stored_state(results, fields, comm, step, restart["P"], restart["V"])
+    state = dataclasses.replace(state, iterations=restart["iterations"])
+    dP, dV = restart.get("tangent", (0.0, 0.0))
     mode = None
     if branching:
         nodal = results.fields(step, ("mode",)) if is_root(comm) else None
         shape = None if nodal is None else {"displacement": nodal["mode"], "p": np.zeros(len(nodal["mode"]))}
         mode = fields.state(shape, 0.0, 0.0).w
         mode /= largest(comm, float(np.abs(mode).max()))
-    return Point(state, Tangent(rate, *direction), signature=signature, mode=mode, **record)
+    return Point(
+        state, Tangent(rate, dP, dV), signature=Signature(**restart["signature"]), mode=mode,
+        requested=restart["requested"], limit=restart["limit"], jump=restart["jump"], turn=restart["turn"],
+        step=restart["step"], line=restart["line"], factorised=restart["factorised"], age=restart["age"],
+        stiffest=restart["stiffest"], worn=restart["worn"], largest=restart["largest"],
+    )  # fmt: skip
 
 
-def stored_state(results: Stored, fields: Any, comm: Any, step: int, P: float, V: float) -> tuple[Any, Any]:
+def stored_state(
+    results: Stored, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
+) -> tuple[State, Array]:
     """A stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
     from softmodels.mechanics.system import State
     from softmodels.results.state_dofs import RAW
 
     names = [name for pair in RAW for name in pair]
     if on_root(comm, lambda: results.has(step, names)):
-        raw: Any = results.fields(step, tuple(names)) if is_root(comm) else dict.fromkeys(names)
+        raw: Mapping[str, Array | None] = results.fields(step, tuple(names)) if is_root(comm) else dict.fromkeys(names)
         w, rate = (fields.dofs(raw[u], raw[p]) for u, p in RAW)
         return State(w, P, V), rate
     nodal = results.fields(step, ("displacement", "p")) if is_root(comm) else None

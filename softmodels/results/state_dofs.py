@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
@@ -44,7 +46,7 @@ class StateDofs:
             self._grid.distribute(u), None if self._sampling.pressures is None else self._grid.distribute(p)
         )
 
-    def state(self, nodal: dict[str, Array] | None, P: float, V: float) -> State:
+    def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
         """The state that nodal fields were made of.
 
         Args:

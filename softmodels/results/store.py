@@ -14,7 +14,7 @@ import os
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,8 @@ from softmodels.results.writing import hdf5_reason, replace, replace_hdf5, write
 
 if TYPE_CHECKING:
     import h5py
+
+    from softmodels.results.restart import Restart
 
 FORMAT = 3
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
@@ -58,7 +60,7 @@ class Results:
         self.own = OwnFolder(folder, kind)
         self.folder, self.name, self.gauge = folder, name, gauge
         self.stored: list[StoredStep] = []
-        self._about: dict[str, Any] = {}
+        self._about: dict[str, object] = {}
         self._renewal = ""
 
     @property
@@ -92,7 +94,7 @@ class Results:
             f"{name}.steps/",
         ]
 
-    def prepare(self, about: Mapping[str, Any]) -> None:
+    def prepare(self, about: Mapping[str, object]) -> None:
         """Begin new results aside of the earlier ones, which stay until the first step is stored.
 
         Args:
@@ -106,11 +108,11 @@ class Results:
         self._about = dict(about)
         self.folder = self.own.prepare()
 
-    def renew(self, case: str, about: Mapping[str, Any]) -> None:
+    def renew(self, case: str, about: Mapping[str, object]) -> None:
         """Write another case file with the next state, of a run that is gone on with to further values."""
         self._renewal, self._about = case, dict(about)
 
-    def record(self, **about: Any) -> None:
+    def record(self, **about: object) -> None:
         """Record more of these results: at once, or with the first state."""
         self._about |= about
         if self.folder == self.own.path:
@@ -212,7 +214,7 @@ class Results:
                 f"(softmodels draw {self.folder})"
             )
 
-    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Mapping[str, Any]) -> None:
+    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Restart) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
         number = len(self.stored)
         self.steps.mkdir(exist_ok=True)
@@ -220,11 +222,11 @@ class Results:
         def fill(file: h5py.File) -> None:
             for name, values in fields.items():
                 file[name] = values
-            file.attrs[ROW], file.attrs[RESTART] = json.dumps(row.cells), json.dumps(dict(restart))
+            file.attrs[ROW], file.attrs[RESTART] = json.dumps(row.cells), json.dumps(restart)
 
         path = self.steps / f"{number:04d}.h5"
         replace_hdf5(path, fill)
-        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row, dict(restart), shapes_of(fields)))
+        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), shapes_of(fields)))
         self.write_light()
         if self.folder != self.own.path:
             self._bring_in()

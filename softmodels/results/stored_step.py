@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 from softmodels.results.row import Row
 
 if TYPE_CHECKING:
     import h5py
+
+    from softmodels.results.restart import Restart
 
 RESTART = "restart"
 """What of a step is for a restart alone: its attribute, and the beginning of its fields' names."""
@@ -34,11 +36,18 @@ class StoredStep:
     file: str
     group: str
     row: Row
-    restart: Mapping[str, Any]
+    restart: Restart
     shapes: Mapping[str, tuple[int, ...]]
 
 
-def shapes_of(fields: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+class Shaped(Protocol):
+    """An array, or a dataset of a file."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+
+def shapes_of(fields: Mapping[str, Shaped]) -> dict[str, tuple[int, ...]]:
     """Shapes of nodal fields or of the datasets of a group, sorted by name, without those for a restart alone."""
     return {name: fields[name].shape for name in sorted(fields) if not name.startswith(RESTART)}
 

@@ -11,12 +11,15 @@ the mesh: at 177 cm those of the default seminar actuator by up to 0.14, where p
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
+
+if TYPE_CHECKING:
+    from dolfinx import fem
 
 
 class VolumeRatio:
@@ -27,7 +30,7 @@ class VolumeRatio:
         space: Scalar second-order space whose nodes the vertices are counted among.
     """
 
-    def __init__(self, body: Body, space: Any):
+    def __init__(self, body: Body, space: fem.FunctionSpace):
         import basix
         import ufl
         from dolfinx import fem, la

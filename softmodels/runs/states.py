@@ -14,6 +14,7 @@ import numpy.typing as npt
 from measurement.own_files import is_same
 from softmodels.case.case import Case
 from softmodels.mechanics.mpi import on_root
+from softmodels.results.restart import Restart
 from softmodels.results.row import Row
 from softmodels.results.store import RESTART, Results
 from softmodels.results.stored import States
@@ -52,7 +53,7 @@ class Source(Protocol):
     def fields(self, step: int) -> Mapping[str, Array]:
         """All nodal fields of a state, with what a restart needs where it is kept."""
 
-    def restart(self, step: int) -> Mapping[str, object]:
+    def restart(self, step: int) -> Restart:
         """Numbers that a restart needs beside the fields."""
 
     def mesh(self) -> bytes:
@@ -78,7 +79,7 @@ class InMemory:
         self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
         self.rows: list[Row] = []
         self._fields: list[dict[str, Array]] = []
-        self._restarts: list[Mapping[str, object]] = []
+        self._restarts: list[Restart] = []
 
     def add(self, step: Step) -> None:
         """Keep a state. What a restart needs to the last bit is kept of the last states alone, as in a folder."""
@@ -93,7 +94,7 @@ class InMemory:
     def fields(self, step: int) -> Mapping[str, Array]:
         return self._fields[step]
 
-    def restart(self, step: int) -> Mapping[str, object]:
+    def restart(self, step: int) -> Restart:
         return self._restarts[step]
 
     def mesh(self) -> bytes:
@@ -139,7 +140,7 @@ class InFolder:
         there = tuple(name for name in names if self._results.has(step, [name]))
         return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
 
-    def restart(self, step: int) -> Mapping[str, object]:
+    def restart(self, step: int) -> Restart:
         return self._results.stored[step].restart
 
     def mesh(self) -> bytes:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.results.outcomes import RunError
+from softmodels.results.restart import Restart
 from softmodels.results.row import Row
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Step:
 
     row: Row
     fields: dict[str, Array] | None
-    restart: Mapping[str, object]
+    restart: Restart
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
