@@ -83,7 +83,7 @@ class Quantity(Kind):
             raise FieldError(f"{name} is {plain}; it must be a finite number")
         return plain
 
-    def read(self, name: str, value: object) -> object:
+    def read(self, name: str, value: object) -> float:
         from measurement.units import UnitError, brief, quantity
 
         if isinstance(value, bool) or not isinstance(value, str | int | float):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from measurement.ending import stoppable
 from softmodels.mechanics.mpi import speaks
@@ -16,6 +15,7 @@ with stoppable("softmodels", speaks):
     from softmodels.cli import limit_command
     from softmodels.cli import mould as mould_command
     from softmodels.cli import options as commandline
+    from softmodels.cli.case_options import taken
     from softmodels.cli.curve_command import curve
     from softmodels.cli.demo import demo
     from softmodels.cli.examples import examples
@@ -48,12 +48,12 @@ def softmodels() -> None:
 @softmodels.command("run")
 @click.argument("file", type=click.Path(path_type=Path))
 @commandline.run_options
-def run_file(file: Path, **values: Any) -> None:
+def run_file(file: Path, **values: object) -> None:
     """Run a case FILE, such as the case.toml in a folder of results.
 
     The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
     """
-    commandline.execute(lambda: Case.from_file(file), commandline.RunOptions.taken(values), [file])
+    commandline.execute(lambda: Case.from_file(file), taken(commandline.RunOptions, values), [file])
 
 
 softmodels.add_command(limit_command.command)

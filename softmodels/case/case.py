@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from geometries import Actuator
 from geometries.fields import About
@@ -16,7 +16,7 @@ from measurement import wording
 from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import WATER_DENSITY, exact_text
 from softmodels.case import gauges as gauge_tables
-from softmodels.case.entries import MISSING, Entry, Part, SeriesKind, Supply, Value
+from softmodels.case.entries import MISSING, Entry, Part, SeriesKind, Supply, Tables, Value, table_of
 from softmodels.case.errors import PART_ERRORS, CaseError
 from softmodels.case.gauges import Gauges
 from softmodels.case.load import STIFFNESS_RANGE, Load
@@ -37,17 +37,25 @@ MODULI = (500.0, 5e6)
 """Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
 
 
-def _written(entry: Entry) -> dict[str, Entry]:
+class _Shown(TypedDict, total=False):
+    """Further attributes of a `Value`."""
+
+    what: str
+    hidden: bool
+    metavar: str
+
+
+def _written[V](entry: Entry[V]) -> dict[str, Entry[V]]:
     """Metadata of a field: the way it is written."""
     return {"entry": entry}
 
 
-def _value(table: str, key: str, kind: Kind, text: str, default: Any, **more: Any) -> Any:
+def _value[V](table: str, key: str, kind: Kind, text: str, default: V, **more: Unpack[_Shown]) -> V:
     entry = Value(table, key, About(kind, text), default, **more)
     return dataclasses.field(default=default, metadata=_written(entry))
 
 
-def _series(key: str, what: str, text: str) -> Any:
+def _series(key: str, what: str, text: str) -> tuple[float, ...]:
     return _value("load", key, SeriesKind(), text, (), what=what, hidden=True, metavar="SERIES")
 
 
@@ -187,7 +195,7 @@ class Case:
         """Text of a case file that repeats this case exactly."""
         import tomli_w
 
-        tables: dict[str, dict[str, Any]] = {}
+        tables: dict[str, dict[str, object]] = {}
         for name, entry in entries().items():
             for table, values in entry.write(getattr(self, name), exact_text).items():
                 tables.setdefault(table, {}).update(values)
@@ -221,10 +229,10 @@ class Case:
             raise CaseError(f"{path}: {error}") from None
 
     @classmethod
-    def _from_tables(cls, tables: dict[str, Any], folder: Path | None) -> Case:
-        _check_tables(tables)
-        tables = {**tables, "geometry": _found(tables["geometry"], folder)}
+    def _from_tables(cls, tables: Tables, folder: Path | None) -> Case:
         try:
+            _check_tables(tables)
+            tables = {**tables, "geometry": _found(table_of(tables, "geometry"), folder)}
             read = {name: entry.read(tables) for name, entry in entries().items()}
         except PART_ERRORS as error:
             raise CaseError(str(error)) from None
@@ -232,7 +240,7 @@ class Case:
         return cls(**{"name": given["actuator"].stem, "material": DEFAULT, **given})
 
 
-def entries() -> dict[str, Entry]:
+def entries() -> dict[str, Entry[Any]]:
     """How each field of a case is written, by name."""
     return {field.name: field.metadata["entry"] for field in dataclasses.fields(Case)}
 
@@ -242,30 +250,29 @@ for _name, _entry in entries().items():
         wording.call(_option.replace("_", "-"), _argument)
 
 
-def _check_tables(tables: Mapping[str, Any]) -> None:
+def _check_tables(tables: Tables) -> None:
     """Refuse unknown tables and entries, and a case without a device or a load."""
     known = list(dict.fromkeys(table for entry in entries().values() for table in entry.tables))
     _known(tables, "the case", ("name", *known))
     for table in known:
-        if not isinstance(tables.get(table, {}), dict):
-            raise CaseError(f"{table} is {tables[table]!r}; it must be a table, which begins with a line [{table}]")
+        found = table_of(tables, table)
         values = [entry for entry in entries().values() if isinstance(entry, Value) and entry.table == table]
         if values:
             owners = [entry for entry in entries().values() if table in entry.tables]
-            rest = (key for key in tables.get(table, {}) if any(entry.known(key) for entry in owners))
-            _known(tables.get(table, {}), f"[{table}]", (*(entry.key for entry in values), *rest))
+            rest = (key for key in found if any(entry.known(key) for entry in owners))
+            _known(found, f"[{table}]", (*(entry.key for entry in values), *rest))
     for table in ("geometry", "load"):
         if table not in tables:
             raise CaseError(f"the case has no [{table}] table")
 
 
-def _known(table: Mapping[str, Any], where: str, names: tuple[str, ...]) -> None:
+def _known(table: Mapping[str, object], where: str, names: tuple[str, ...]) -> None:
     for key in table:
         if key not in names:
             raise CaseError(f"{where} has an unknown entry {key!r}; known are {', '.join(dict.fromkeys(names))}")
 
 
-def _found(geometry: dict[str, Any], folder: Path | None) -> dict[str, Any]:
+def _found(geometry: Mapping[str, object], folder: Path | None) -> Mapping[str, object]:
     """A geometry table whose ``file`` is an absolute path: the case.toml of the results lies in another folder."""
     file = geometry.get("file")
     if not isinstance(file, str) or not file:

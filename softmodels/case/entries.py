@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import enum
 from collections.abc import Iterator, Mapping, MutableMapping
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Final, Protocol
 
 from geometries import Actuator, codec
 from geometries.errors import FieldError
@@ -19,10 +20,32 @@ from softmodels.case.ranges import series
 from softmodels.path.air_supply import SUPPLIES, AirSupply, SupplyError
 from softmodels.path.syringe import Syringe
 
-type Tables = Mapping[str, Any]
-"""Tables of a case file by name."""
-MISSING: Any = dataclasses.MISSING
+type Tables = Mapping[str, object]
+"""What a case file holds, by name: tables, and the case's name; see `table_of`."""
+type Written = Mapping[str, Mapping[str, object]]
+"""What is written into a case file, by table and key."""
+
+
+class Missing(enum.Enum):
+    """The type of `MISSING`."""
+
+    MISSING = enum.auto()
+
+
+MISSING: Final = Missing.MISSING
 """What an entry gives that is not there."""
+
+
+def table_of(tables: Tables, name: str) -> Mapping[str, object]:
+    """A table of a case file; an empty one where the file leaves it out.
+
+    Raises:
+        FieldError: It is no table.
+    """
+    table = tables.get(name, {})
+    if not isinstance(table, Mapping):
+        raise FieldError(f"{name} is {table!r}; it must be a table, which begins with a line [{name}]")
+    return table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,8 +65,8 @@ class Option:
     metavar: str | None = None
 
 
-class Entry(abc.ABC):
-    """The way of one field to and from text.
+class Entry[V](abc.ABC):
+    """The way of one field, with values V, to and from text.
 
     Attributes:
         tables: Tables of the case file that it reads.
@@ -52,11 +75,11 @@ class Entry(abc.ABC):
     tables: tuple[str, ...] = ()
 
     @abc.abstractmethod
-    def read(self, tables: Tables) -> Any:
+    def read(self, tables: Tables) -> V | Missing:
         """The field's value, or `MISSING` where the file leaves it out; an error of `errors.PART_ERRORS` if it is none."""
 
     @abc.abstractmethod
-    def write(self, value: Any, text: Text) -> dict[str, dict[str, Any]]:
+    def write(self, value: V, text: Text) -> Written:
         """Entries by table; none for a value that says nothing."""
 
     def known(self, key: str) -> bool:
@@ -75,7 +98,7 @@ class Entry(abc.ABC):
         """
         return {}
 
-    def take(self, options: MutableMapping[str, Any]) -> Any:
+    def take(self, options: MutableMapping[str, object]) -> V | Missing:
         """Take its options out of a command's values; the field's value, or `MISSING` if none was given."""
         return MISSING
 
@@ -91,7 +114,7 @@ class SeriesKind(Kind):
 
 
 @dataclasses.dataclass(frozen=True)
-class Value(Entry):
+class Value(Entry[object]):
     """A single value of a table; the same is its option.
 
     Attributes:
@@ -105,7 +128,7 @@ class Value(Entry):
     table: str
     key: str
     about: About
-    default: Any
+    default: object
     what: str = ""
     hidden: bool = False
     metavar: str | None = None
@@ -117,15 +140,15 @@ class Value(Entry):
     def known(self, key: str) -> bool:
         return key == self.key
 
-    def read(self, tables: Tables) -> Any:
-        value = tables.get(self.table, {}).get(self.key, MISSING)
+    def read(self, tables: Tables) -> object:
+        value = table_of(tables, self.table).get(self.key, MISSING)
         return value if value is MISSING else self.about.kind.read(self.what or self.key, value)
 
-    def settled(self, value: Any) -> Any:
+    def settled(self, value: object) -> object:
         """The value as code gives it, plain; an error of `errors.PART_ERRORS` if it is none."""
         return self.about.kind.settled(self.what or self.key, value)
 
-    def write(self, value: Any, text: Text) -> dict[str, dict[str, Any]]:
+    def write(self, value: object, text: Text) -> Written:
         if self.hidden and value == self.default:
             return {}
         return {self.table: {self.key: self.about.kind.write(value, text)}}
@@ -139,7 +162,7 @@ class Value(Entry):
             return {self.key: f"{self.what}s"}  # as the calls have it, with a unit
         return {self.key: f"{field}=True"} if isinstance(self.about.kind, Flag) else {}
 
-    def take(self, options: MutableMapping[str, Any]) -> Any:
+    def take(self, options: MutableMapping[str, object]) -> object:
         value = options.pop(self.key, None)
         if value is None:
             return MISSING
@@ -161,32 +184,32 @@ class PartClass(Protocol):
 
 
 @dataclasses.dataclass(frozen=True)
-class Part(Entry):
+class Part[P: PartClass](Entry[P | None]):
     """Something added to a device, with a table of its own."""
 
-    part: type[PartClass]
+    part: type[P]
 
     @property
     def tables(self) -> tuple[str, ...]:  # type: ignore[override]
         return (self.part.table,)
 
-    def read(self, tables: Tables) -> Any:
+    def read(self, tables: Tables) -> P | Missing:
         table = self.part.table
         if table not in tables:
             return MISSING
-        return self._made(codec.from_table(self.part, tables[table], f"[{table}]", f"{table} "))
+        return self._made(codec.from_table(self.part, table_of(tables, table), f"[{table}]", f"{table} "))
 
-    def write(self, value: Any, text: Text) -> dict[str, dict[str, Any]]:
+    def write(self, value: P | None, text: Text) -> Written:
         return {} if value is None else {self.part.table: codec.to_table(value, text)}
 
     def options(self) -> Iterator[Option]:
         defaults = {field.name: field.default for field in dataclasses.fields(self.part)}  # type: ignore[arg-type]
         for name, option in self._names().items():
             field = about(self.part)[name]
-            default = None if defaults[name] is MISSING else defaults[name]
+            default = None if defaults[name] is dataclasses.MISSING else defaults[name]
             yield Option(option, field, default, name.upper() if isinstance(field.kind, Words) else None)
 
-    def take(self, options: MutableMapping[str, Any]) -> Any:
+    def take(self, options: MutableMapping[str, object]) -> P | Missing:
         given = {name: options.pop(option, None) for name, option in self._names().items()}
         given = {name: value for name, value in given.items() if value is not None}
         return self._made(given) if given else MISSING
@@ -199,26 +222,26 @@ class Part(Entry):
         first, *others = about(self.part)
         return {first: self.part.table, **{name: f"{self.part.table}_{name}" for name in others}}
 
-    def _made(self, values: Mapping[str, Any]) -> PartClass:
-        required = [field.name for field in dataclasses.fields(self.part) if field.default is MISSING]  # type: ignore[arg-type]
+    def _made(self, values: Mapping[str, object]) -> P:
+        required = [field.name for field in dataclasses.fields(self.part) if field.default is dataclasses.MISSING]  # type: ignore[arg-type]
         if any(values.get(name, "") == "" for name in required):
             raise FieldError(self.part.needs)
         return self.part(**values)
 
 
-class Supply(Entry):
+class Supply(Entry[AirSupply | None]):
     """What drives the air: a table with the supply's name as its ``kind``, and its fields."""
 
     tables = ("supply",)
 
-    def read(self, tables: Tables) -> Any:
+    def read(self, tables: Tables) -> AirSupply | Missing:
         if "supply" not in tables:
             return MISSING
-        table = dict(tables["supply"])
+        table = dict(table_of(tables, "supply"))
         supply = _supply(table.pop("kind", Syringe.name))
         return supply(**codec.from_table(supply, table, "the supply"))
 
-    def write(self, value: AirSupply | None, text: Text) -> dict[str, dict[str, Any]]:
+    def write(self, value: AirSupply | None, text: Text) -> Written:
         return {} if value is None else {"supply": {"kind": value.name, **codec.to_table(value, text)}}
 
     def options(self) -> Iterator[Option]:
@@ -232,7 +255,7 @@ class Supply(Entry):
                     yield Option(option, field, getattr(supply, name, None))
                 seen.add(option)
 
-    def take(self, options: MutableMapping[str, Any]) -> Any:
+    def take(self, options: MutableMapping[str, object]) -> AirSupply | Missing:
         names = {option.name for option in self.options()} - {"supply"}
         kind, given = options.pop("supply", None), {name: options.pop(name, None) for name in names}
         given = {name: value for name, value in given.items() if value is not None}

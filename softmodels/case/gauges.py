@@ -17,15 +17,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
-from geometries.selections import Faces, faces, point
+from geometries.selections import faces, point
 from measurement.wording import Spoken
 
 Array = npt.NDArray[np.float64]
@@ -81,7 +80,7 @@ class Gauges:
         """Unit normal of the profile's plane, and its distance from the origin in m; None if there is none."""
         if not self.plane:
             return None
-        found: Faces = _reworded(faces, "profile plane", self.plane)
+        found = _reworded(faces, "profile plane", self.plane)
         if found.normal is None:
             raise GaugeError(f"profile plane is {self.plane!r}; write a plane as 'y = 0 mm' or 'normal 1, -1, 0'")
         return found.normal, found.at
@@ -126,28 +125,30 @@ class Gauges:
 NONE = Gauges()
 
 
-def from_tables(tables: Mapping[str, Any]) -> Gauges:
+def from_tables(tables: Mapping[str, Mapping[str, object]]) -> Gauges:
     """Read the tables ``[points]``, ``[angles]`` and ``[profile]`` of a case.
 
     Raises:
         GaugeError: What they hold makes no points, angles or plane.
     """
     points, angles, profile = (tables.get(name, {}) for name in ("points", "angles", "profile"))
+    named: list[tuple[str, str]] = []
     for name, text in points.items():
         if not isinstance(text, str):
             raise GaugeError(f"point {name} is {text!r}; write a point as '70, 0, 4 mm'")
+        named.append((name, text))
     if unknown := set(profile) - {"plane"}:
         raise GaugeError(f"[profile] has an unknown entry {min(unknown)!r}; known is plane")
     plane = profile.get("plane", "")
     if not isinstance(plane, str):
         raise GaugeError(f"profile plane is {plane!r}; write a plane as 'y = 0 mm'")
-    return Gauges(tuple(points.items()), tuple((name, _lines(name, value)) for name, value in angles.items()), plane)
+    return Gauges(tuple(named), tuple((name, _lines(name, value)) for name, value in angles.items()), plane)
 
 
-def to_tables(gauges: Gauges) -> dict[str, Any]:
+def to_tables(gauges: Gauges) -> dict[str, Mapping[str, object]]:
     """The tables that `from_tables` reads; none for nothing."""
     angles = {name: [" to ".join(line) for line in lines] for name, lines in gauges.angles}
-    tables = {
+    tables: dict[str, Mapping[str, object]] = {
         "points": dict(gauges.points),
         "angles": {name: lines[0] if len(lines) == 1 else lines for name, lines in angles.items()},
         "profile": {"plane": gauges.plane} if gauges.plane else {},
@@ -162,7 +163,7 @@ def followed_text(name: str, place: Sequence[float], away: float) -> str:
     return f"point {name} is followed at {where} mm, {near}"
 
 
-def _lines(name: str, value: Any) -> tuple[Line, ...]:
+def _lines(name: str, value: object) -> tuple[Line, ...]:
     texts = [value] if isinstance(value, str) else value
     if not isinstance(texts, list) or not 1 <= len(texts) <= 2 or not all(isinstance(text, str) for text in texts):
         raise GaugeError(f"angle {name} is {value!r}; write 'base to tip', or two such lines in a list")
@@ -176,7 +177,7 @@ def _with_at(text: str) -> str:
     return text if text.lstrip().startswith("at") else f"at {text.strip()}"
 
 
-def _reworded(read: Any, field: str, text: str) -> Any:
+def _reworded[T](read: Callable[[str, str], T], field: str, text: str) -> T:
     try:
         return read(field, text)
     except GeometryError as error:

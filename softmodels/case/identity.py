@@ -10,7 +10,6 @@ import dataclasses
 import hashlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from softmodels.case.case import Case
 
@@ -44,7 +43,7 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
     return None
 
 
-def _texts(name: str, value: Any) -> Iterator[tuple[str, str]]:
+def _texts(name: str, value: object) -> Iterator[tuple[str, str]]:
     if not dataclasses.is_dataclass(value):
         yield name, _text(value)
         return
@@ -54,7 +53,7 @@ def _texts(name: str, value: Any) -> Iterator[tuple[str, str]]:
         yield from _texts(f"{name}.{field.name}" if name else field.name, getattr(value, field.name))
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if isinstance(value, tuple | list):
         return f"({', '.join(map(_text, value))})"
     if isinstance(value, int | float) and not isinstance(value, bool):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from geometries.errors import FieldError
 from geometries.kinds import Quantity, Text
@@ -39,7 +38,7 @@ def _flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def material_from(name: str | None, values: Mapping[str, Any]) -> Material:
+def material_from(name: str | None, values: Mapping[str, object]) -> Material:
     """The material of a command line.
 
     Args:
@@ -70,7 +69,7 @@ def material_from(name: str | None, values: Mapping[str, Any]) -> Material:
     return from_table({**table, **given})
 
 
-def _read_file(path: Path) -> dict[str, Any]:
+def _read_file(path: Path) -> dict[str, object]:
     try:
         table = read_toml(path)
     except TomlError as error:
@@ -80,12 +79,12 @@ def _read_file(path: Path) -> dict[str, Any]:
     return dict(table["material"])
 
 
-def to_table(material: Material, text: Text = exact_text) -> dict[str, Any]:
+def to_table(material: Material, text: Text = exact_text) -> dict[str, object]:
     """A material as a TOML table: its law and parameters with units. `from_table` gives back an equal one.
 
     ``text`` writes the quantities; `measurement.units.readable` is for people.
     """
-    table: dict[str, Any] = {"law": material.name}
+    table: dict[str, object] = {"law": material.name}
     for field in dataclasses.fields(material):
         value, unit = getattr(material, field.name), field.metadata["unit"]
         if isinstance(value, tuple):
@@ -97,7 +96,7 @@ def to_table(material: Material, text: Text = exact_text) -> dict[str, Any]:
     return table
 
 
-def from_table(table: Mapping[str, Any]) -> Material:
+def from_table(table: Mapping[str, object]) -> Material:
     """The material of a TOML table: ``law`` (or ``silicone``) and its parameters.
 
     Raises:
@@ -119,15 +118,15 @@ def from_table(table: Mapping[str, Any]) -> Material:
     law = LAWS[name]
     fields = {field.name: field for field in dataclasses.fields(law)}
     convention = values.pop(CONVENTION, law.conventions[0]) if law.conventions else ""
-    if convention and convention not in law.conventions:
+    if not isinstance(convention, str) or (convention and convention not in law.conventions):
         raise MaterialError(f"{name}: convention {convention!r} is not one of {', '.join(law.conventions)}")
-    parameters = {}
+    parameters: dict[str, float | tuple[float, ...]] = {}
     for key, value in values.items():
         if key in fields:
             about = fields[key].metadata
-            parameters[key] = _read(name, key, value, about["unit"], about["many"])
+            parameters[key] = (_many if about["many"] else _number)(name, key, value, about["unit"])
         elif key in law.alternatives:
-            parameters[key] = _read(name, key, value, law.alternatives[key][0])
+            parameters[key] = _number(name, key, value, law.alternatives[key][0])
         else:
             raise MaterialError(f"{name} has no parameter {key!r}; it has {', '.join(fields)}")
     if not parameters.keys() & law.alternatives.keys():
@@ -137,12 +136,12 @@ def from_table(table: Mapping[str, Any]) -> Material:
     return law.from_values(parameters, convention)
 
 
-def _read(law: str, key: str, value: Any, unit: str, many: bool = False) -> Any:
-    if many:
-        parts = value.split(",") if isinstance(value, str) else value
-        if not isinstance(parts, list | tuple):
-            parts = [parts]
-        return tuple(_read(law, key, part, unit) for part in parts)
+def _many(law: str, key: str, value: object, unit: str) -> tuple[float, ...]:
+    parts = value.split(",") if isinstance(value, str) else value
+    return tuple(_number(law, key, part, unit) for part in (parts if isinstance(parts, list | tuple) else [parts]))
+
+
+def _number(law: str, key: str, value: object, unit: str) -> float:
     try:
         return Quantity(unit).read(f"{law}: {key}", value)
     except FieldError as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
 
 from measurement.units import UnitError, brief, numbers
 from measurement.wording import Spoken
@@ -14,7 +13,7 @@ class SeriesError(Spoken, ValueError):
     """A text that is no series of values; the message is a sentence for the user."""
 
 
-def series(text: Any, what: str) -> tuple[float, ...]:
+def series(text: object, what: str) -> tuple[float, ...]:
     """Requested values: ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``; or a list.
 
     Args:
@@ -29,7 +28,7 @@ def series(text: Any, what: str) -> tuple[float, ...]:
     """
     if isinstance(text, str):
         separator = ":" if ":" in text else ","
-        parts: list[Any] = [part.strip() for part in text.split(separator)]
+        parts: list[object] = [part.strip() for part in text.split(separator)]
     elif isinstance(text, list | tuple):
         separator, parts = ",", list(text)
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, MutableMapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -17,11 +17,14 @@ from softmodels.case.material_table import DEFAULT, material_from, material_opti
 from softmodels.materials.material import LAWS
 from softmodels.materials.silicones import PRODUCTS
 
-type Values = MutableMapping[str, Any]
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+type Values = MutableMapping[str, object]
 """What click gives a command, by the names of the options."""
 
 
-def material_options[Command: Callable[..., Any]](
+def material_options[Command: Callable[..., object]](
     command: Command, default: str | None = None, several: bool = False
 ) -> Command:
     """Add ``--material`` and an option for every parameter of every law to a click command.
@@ -42,7 +45,12 @@ def material_options[Command: Callable[..., Any]](
     return click.option("--material", "material", metavar="NAME", multiple=several, help=text)(command)
 
 
-def law_taken(values: Values) -> dict[str, Any]:
+def taken[Given: DataclassInstance](given: type[Given], values: Values) -> Given:
+    """Take the options that a dataclass has as its fields out of a command's values."""
+    return given(**{field.name: values.pop(field.name) for field in dataclasses.fields(given)})
+
+
+def law_taken(values: Values) -> dict[str, object]:
     """Take the parameters of laws out of a command's values; None where not given."""
     return {name: values.pop(name) for name in material_options_of()}
 
@@ -59,7 +67,7 @@ class CaseOptions:
     device: type[Actuator]
     silicone: str | None = None
 
-    def add[Command: Callable[..., Any]](self, command: Command) -> Command:
+    def add[Command: Callable[..., object]](self, command: Command) -> Command:
         """Add them to a click command: the requested values, the device, its material, and all else a case has."""
         options = {name: list(entry.options()) for name, entry in entries().items()}
         first = [*options.pop("pressures_cm"), *options.pop("volumes_ml")]
@@ -77,8 +85,9 @@ class CaseOptions:
             CaseError and what else is in `softmodels.case.errors.INPUT_ERRORS`: Values that make no case.
         """
         law, named = law_taken(values), values.pop("material")
-        taken = {name: entry.take(values) for name, entry in entries().items()}
-        given = {name: value for name, value in taken.items() if value is not MISSING}
+        assert named is None or isinstance(named, str)
+        read = {name: entry.take(values) for name, entry in entries().items()}
+        given = {name: value for name, value in read.items() if value is not MISSING}
         return Case(
             name=self.device.stem,
             actuator=device_told(self.device, values),

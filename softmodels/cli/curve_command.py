@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import click
 import numpy as np
@@ -19,6 +19,7 @@ from measurement.units import exact_text
 from softmodels.case.material_table import material_from
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import (
+    CurveFiles,
     check_curves_given,
     read_curves,
     specimen_options,
@@ -37,6 +38,13 @@ POINTS = 201
 TABLE_POINTS = 11
 
 
+class CurveGiven(CurveFiles):
+    """What further options of the command give, by their names."""
+
+    radius: float
+    thickness: float
+
+
 @click.command("curve", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--material", "names", multiple=True, metavar="NAME[:KEY=VALUE,...]",
               help="Silicone, TOML file, or law with numbers (yeoh:c1=8kPa,c2=90Pa); several are compared.")  # fmt: skip
@@ -53,7 +61,7 @@ TABLE_POINTS = 11
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/curve; "
               "results/curve-2 and so on where that holds other curves]")  # fmt: skip
 def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Path | None, no_pictures: bool, quiet: bool,
-          **options: Any) -> None:  # fmt: skip
+          **options: Unpack[CurveGiven]) -> None:  # fmt: skip
     """Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.
 
     Each is drawn with its own Poisson's ratio. Where a law stops being stable, is said. Ogden's factors take commas:
@@ -77,7 +85,9 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
         asked = {**options, "names": names, "stretch": stretch, "incompressible": incompressible}
         files = [Path(name) for name in names] + [Path(text.rpartition(":")[0] or text) for text in options["tensile"]]
         folder = open_folder(output, Path("results/curve"), "curves", asked, files) if speaks() else None
-        measured = read_curves(options) if options["tensile"] else []
+        measured = []
+        if options["tensile"]:
+            measured = read_curves(options, options["radius"], options["thickness"])
         if min(options["radius"], options["thickness"]) <= 0.0 or options["thickness"] > options["radius"]:
             raise TensileError(
                 "the balloon's radius and thickness must be above zero, and the wall thinner than the radius"

@@ -8,7 +8,7 @@ import tempfile
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -28,6 +28,9 @@ from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.simulated import half_outline, readings_of
 from softmodels.results.outcomes import DONE, FAILED
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 Array = npt.NDArray[np.float64]
 
@@ -75,7 +78,7 @@ def scene_of(megapixels: float) -> Scene:
     )  # fmt: skip
 
 
-def inflated(truth: Truth, comm: Any) -> tuple[DeviceModel, list[Array]]:
+def inflated(truth: Truth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]]:
     """The device with its true material, and the right half of its outline in m at each pressure."""
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver

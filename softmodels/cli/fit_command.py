@@ -7,7 +7,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import click
 
@@ -18,11 +18,11 @@ from measurement.own_folder import OwnFolderError
 from measurement.result_folder import ResultFolder
 from measurement.units import UnitError
 from softmodels.case.case import Case, CaseError
-from softmodels.cli.fit_options import curve_changes, device_changes, fit_options
+from softmodels.cli.fit_options import FitGiven, curve_changes, device_changes, fit_options
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
 from softmodels.fitting.curves.contradiction import separate_file
-from softmodels.fitting.curves.curve import TensileError
+from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit_curves import fit_curves
 from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.files import name_of, retire, write_materials
@@ -72,7 +72,7 @@ from softmodels.runs.progress import Progress
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/fit; results/fit-2 "
               "and so on where that holds another fit]")  # fmt: skip
-def fit_material(**options: Any) -> None:
+def fit_material(**options: Unpack[FitGiven]) -> None:
     """Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.
 
     With --tensile, to curves of test machines. With a CASE (such as the case.toml in a folder of results), to outlines of
@@ -147,20 +147,20 @@ def _put_away(folders: Sequence[ResultFolder]) -> None:
             retire(folder.path)
 
 
-def _folder(options: dict[str, Any]) -> ResultFolder:
+def _folder(options: FitGiven) -> ResultFolder:
     """Where the results go; taken before anything is computed."""
     named = [Path(text) if Path(text).exists() else Path(text.rpartition(":")[0]) for text in options["tensile"]]
     files = [*options["files"], *named, *([options["heights"]] if options["heights"] else [])]
     return open_folder(options["output"], Path("results/fit"), "fit", options, files)
 
 
-def _report(options: dict[str, Any]) -> FitReport:
+def _report(options: FitGiven) -> FitReport:
     if options["files"]:
         return _device_report(options)
     if options["heights"] or options["free"] or options["untrusted"] or options["without"]:
         raise FitError("--heights, --free, --untrusted and --without are about a device; give its case file first")
     check_curves_given({**options, "tensile": True})
-    curves = read_curves(options)
+    curves = _curves(options)
     choices = law_choices(options["laws"], options["poisson"])
     StressError.from_text(options["stress_error"])
     how = fit_options(options, curve_changes(options, choices))
@@ -168,9 +168,13 @@ def _report(options: dict[str, Any]) -> FitReport:
     return fit_curves(curves, options["laws"], how, progress=progress.say)
 
 
-def _device_report(options: dict[str, Any]) -> FitReport:
+def _curves(options: FitGiven) -> list[TensileCurve]:
+    return read_curves(options, options["radius"], options["thickness"], options["stretch"])
+
+
+def _device_report(options: FitGiven) -> FitReport:
     check_curves_given(options)
-    curves = read_curves(options) if options["tensile"] else []
+    curves = _curves(options) if options["tensile"] else []
     StressError.from_text(options["stress_error"])
     file, *files = options["files"]
     try:

@@ -3,21 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from pathlib import Path
 
 from measurement.units import UnitError, quantity
+from softmodels.cli.tensile_options import CurveFiles
 from softmodels.fitting.law_parameters import LawChoice, all_parameters
 from softmodels.fitting.options import BENCH, FitOptions
 from softmodels.fitting.outlines.reading import OutlineFitError
-from softmodels.fitting.problem import FitError, Prior
+from softmodels.fitting.problem import Change, FitError, Prior
 
 BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
 """Units of what the bench may get wrong and is not a plain number."""
 
-Change = dict[str, Any]
+
+class FitGiven(CurveFiles):
+    """What the options of the command give, by their names."""
+
+    files: tuple[Path, ...]
+    heights: Path | None
+    free: tuple[str, ...]
+    untrusted: bool
+    without: tuple[str, ...]
+    silicone: str | None
+    laws: str
+    stretch: str | None
+    stress_error: str
+    gauge_error: str
+    poisson: float
+    fixes: tuple[str, ...]
+    bounds: tuple[str, ...]
+    priors: tuple[str, ...]
+    robust: bool
+    radius: float | None
+    thickness: float | None
+    no_profiles: bool
+    no_pictures: bool
+    quiet: bool
+    output: Path | None
 
 
-def fit_options(options: Mapping[str, Any], changes: Mapping[str, Change]) -> FitOptions:
+def fit_options(options: FitGiven, changes: Mapping[str, Change]) -> FitOptions:
     """The command's options as a value.
 
     Raises:
@@ -37,7 +62,7 @@ def fit_options(options: Mapping[str, Any], changes: Mapping[str, Change]) -> Fi
     )
 
 
-def free_of_bench(options: Mapping[str, Any]) -> tuple[str, ...]:
+def free_of_bench(options: FitGiven) -> tuple[str, ...]:
     """What is free of bench and device: the defaults, ``--free`` more, ``--fix`` less.
 
     Raises:
@@ -50,7 +75,7 @@ def free_of_bench(options: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name in (*BENCH, *options["free"]) if name not in fixed))
 
 
-def curve_changes(options: Mapping[str, Any], choices: Sequence[LawChoice]) -> dict[str, Change]:
+def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, Change]:
     """What ``--fix``, ``--bounds`` and ``--prior`` say about parameters of laws that are fitted to curves.
 
     Raises:
@@ -61,7 +86,7 @@ def curve_changes(options: Mapping[str, Any], choices: Sequence[LawChoice]) -> d
     return _changes(options, units, lambda name: f"{laws}: no parameter {name!r}; there is {known}", value_needed=True)
 
 
-def device_changes(options: Mapping[str, Any], lengths: Sequence[str]) -> dict[str, Change]:
+def device_changes(options: FitGiven, lengths: Sequence[str]) -> dict[str, Change]:
     """The same with a device, whose variable lengths are given; ``--fix leak`` alone keeps it at its nominal value.
 
     Raises:
@@ -78,12 +103,15 @@ def device_changes(options: Mapping[str, Any], lengths: Sequence[str]) -> dict[s
 
 
 def _changes(
-    options: Mapping[str, Any], units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
+    options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
 ) -> dict[str, Change]:
     """Changes by parameter. A curve's own factor, ``gauge1`` and so on, is known to all."""
     changes: dict[str, Change] = {}
-    for key, read in (("fixes", _read_fixed), ("bounds", read_bounds), ("priors", read_prior)):
-        for text in options[key]:
+    kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (
+        (options["fixes"], _read_fixed), (options["bounds"], read_bounds), (options["priors"], read_prior),
+    )  # fmt: skip
+    for texts, read in kinds:
+        for text in texts:
             name, equals, value = (part.strip() for part in text.partition("="))
             if name not in units and not name.startswith("gauge"):
                 raise FitError(unknown(name))
@@ -106,8 +134,12 @@ def read_bounds(value: str, unit: str) -> Change:
     low, colon, high = value.partition(":")
     if not colon:
         raise FitError(f"{value!r} is not FROM:TO")
-    ends = (("lower", low), ("upper", high))
-    return {key: quantity(text, unit) for key, text in ends if text.strip()}
+    change: Change = {}
+    if low.strip():
+        change["lower"] = quantity(low, unit)
+    if high.strip():
+        change["upper"] = quantity(high, unit)
+    return change
 
 
 def read_prior(value: str, unit: str) -> Change:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -18,7 +18,7 @@ from measurement.result_folder import ResultFolder
 from measurement.units import WATER_DENSITY
 from softmodels.case.case import Case, CaseError
 from softmodels.case.material_table import material_from
-from softmodels.cli.case_options import law_taken, material_options
+from softmodels.cli.case_options import Values, law_taken, material_options, taken
 from softmodels.cli.limit_texts import Column, Sampled, Scatter, scatter_text, sentence, write
 from softmodels.cli.options import fail
 from softmodels.materials.laws import Material, MaterialError
@@ -37,6 +37,20 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 SAMPLES = 32
+
+
+@dataclasses.dataclass(frozen=True)
+class Given:
+    """The command's options but those of devices and laws; see `_command`."""
+
+    file: Path | None
+    material: tuple[str, ...]
+    vary: tuple[str, ...]
+    count: int | None
+    normal: bool
+    working_cm: float | None
+    water_density: float | None
+    output: Path | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,30 +74,32 @@ class Question:
     column: Column
 
     @classmethod
-    def from_options(cls, values: dict[str, Any]) -> Question:
-        """Read it off the command's values.
+    def from_options(cls, given: Given, values: Mapping[str, object]) -> Question:
+        """Read it off the command's options.
+
+        Args:
+            given: Those of its own.
+            values: Those of the device and the law, None where not given.
 
         Raises:
             CaseError, GeometryError, MaterialError: What cannot be meant.
         """
-        file, working = values["file"], values["working_cm"]
-        own = ("file", "working_cm", "vary", "count", "normal", "water_density", "output", "material")
-        rest = {name: value for name, value in values.items() if name not in own}
+        file, working = given.file, given.working_cm
         case = None if file is None else Case.from_file(file)
-        device, materials = _asked(case, file, values["material"], rest)
+        device, materials = _asked(case, file, given.material, dict(values))
         for material in materials.values():
             check_rest(material)
-        tolerances = [Tolerance.parse(text, type(device)) for text in values["vary"]]
+        tolerances = [Tolerance.parse(text, type(device)) for text in given.vary]
         if working is not None and not working > 0:
             raise CaseError(f"--working-cm {working:g}: the working pressure must be above zero")
-        if not tolerances and (values["normal"] or values["count"] is not None):
+        if not tolerances and (given.normal or given.count is not None):
             raise CaseError("--samples and --normal are about tolerances; give one with --vary")
-        around = _as_asked(case, device, materials, values["water_density"])
-        count = values["count"] or SAMPLES
-        return cls(around, materials, tolerances, count, values["normal"], Column(around.cm, working))
+        around = _as_asked(case, device, materials, given.water_density)
+        count = given.count or SAMPLES
+        return cls(around, materials, tolerances, count, given.normal, Column(around.cm, working))
 
 
-def limit(**values: Any) -> None:
+def limit(**values: object) -> None:
     """Tell the largest pressure a device can bear, and where it is strained most there.
 
     The device is that of a case FILE or of the options below (as a section, unless --section says otherwise); every
@@ -99,13 +115,14 @@ def limit(**values: Any) -> None:
       softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
+    given = taken(Given, values)
     try:
-        question = Question.from_options(values)
+        question = Question.from_options(given, values)
     except (CaseError, GeometryError, MaterialError) as error:
         fail(str(error))
     comm = start()
     abort_on_error(comm)
-    folder = _open(values, question, comm)
+    folder = _open(given, values, question, comm)
     named, bands = with_ends(dict(question.materials))
     limits, scattered = _answered(question, named, comm)
     if not is_root(comm):
@@ -122,19 +139,19 @@ def limit(**values: Any) -> None:
         _save(folder, lambda place: write(place, limits, scattered, question.column))
 
 
-def _open(values: Mapping[str, Any], question: Question, comm: MPI.Comm) -> ResultFolder | None:
+def _open(given: Given, values: Mapping[str, object], question: Question, comm: MPI.Comm) -> ResultFolder | None:
     """The folder for the tables, on rank 0; None elsewhere, and where nothing is to be written."""
-    if values["output"] is None and not question.tolerances:
+    if given.output is None and not question.tolerances:
         return None
     folder: list[ResultFolder] = []
-    given = {
-        name: value for name, value in values.items() if name not in ("file", "output", "working_cm", "water_density")
-    }
-    files = [path for path in (values["file"], *map(Path, values["material"])) if path is not None and path.is_file()]
-    given["cm"] = question.column.cm
+    options = {
+        **values, "material": given.material, "vary": given.vary, "count": given.count, "normal": given.normal,
+        "cm": question.column.cm,
+    }  # fmt: skip
+    files = [path for path in (given.file, *map(Path, given.material)) if path is not None and path.is_file()]
 
     def on_rank_0() -> None:
-        folder.append(open_folder(values["output"], Path("results/limit"), "limits", given, files))
+        folder.append(open_folder(given.output, Path("results/limit"), "limits", options, files))
 
     try:
         on_root(comm, on_rank_0)
@@ -199,17 +216,18 @@ def _as_asked(
     Raises:
         CaseError: See `Case`.
     """
-    load: dict[str, Any] = {"pressures_cm": (1.0,), "volumes_ml": (), "strokes_ml": (), "program": (), "supply": None}
-    if water_density is not None:
-        load["water_density"] = water_density
     for material in materials.values():
         around = case or Case("limit", device, material, pressures_cm=(1.0,))
-        made = dataclasses.replace(around, name="limit", actuator=device, material=material, cycle=False, **load)
+        made = dataclasses.replace(
+            around, name="limit", actuator=device, material=material, cycle=False,
+            pressures_cm=(1.0,), volumes_ml=(), strokes_ml=(), program=(), supply=None,
+            water_density=around.water_density if water_density is None else water_density,
+        )  # fmt: skip
     return made
 
 
 def _asked(
-    case: Case | None, file: Path | None, names: Sequence[str], values: dict[str, Any]
+    case: Case | None, file: Path | None, names: Sequence[str], values: Values
 ) -> tuple[Actuator, dict[str, Material]]:
     law = law_taken(values)
     given = any(value is not None for value in law.values())
@@ -236,7 +254,7 @@ def _asked(
 
 
 def _command() -> click.Command:
-    made: Callable[..., Any] = material_options(limit, several=True)
+    made = material_options(limit, several=True)
     made = device_options(HollowDisk)(made)
     text = f"Density of the column's liquid.  [default: the case's, or {WATER_DENSITY:g}kg/m^3]"
     made = click.option("--water-density", type=QuantityType("kg/m^3"), help=text)(made)

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NoReturn
 
 import click
 
@@ -19,7 +19,7 @@ from measurement.output_option import FolderType
 from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
-from softmodels.cli.case_options import CaseOptions
+from softmodels.cli.case_options import CaseOptions, taken
 from softmodels.mechanics.mpi import StartError, speaks, start
 from softmodels.results.outcomes import FAILED, NO_MEMORY
 
@@ -64,13 +64,8 @@ class RunOptions:
     branch: bool
     petsc: tuple[str, ...]
 
-    @classmethod
-    def taken(cls, values: dict[str, Any]) -> RunOptions:
-        """Take them out of a command's values."""
-        return cls(**{field.name: values.pop(field.name) for field in dataclasses.fields(cls)})
 
-
-def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def run_options[Command: Callable[..., object]](command: Command) -> Command:
     """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--no-pictures``, PETSc's words."""
     command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
     command = click.option("--no-pictures", is_flag=True, help="Leave pictures, film and report out.")(command)
@@ -103,8 +98,8 @@ def device_command(
     """
     options = CaseOptions(device, default)
 
-    def command(**values: Any) -> None:
-        how = RunOptions.taken(values)
+    def command(**values: object) -> None:
+        how = taken(RunOptions, values)
         execute(lambda: options.case(values), how)
 
     what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
@@ -156,7 +151,7 @@ def _check_words(petsc: tuple[str, ...]) -> None:
             raise CaseError(f"-options_file {file!r} is not a file")
 
 
-def fail(message: str, status: int = 2) -> None:
+def fail(message: str, status: int = 2) -> NoReturn:
     """Say one sentence, on one rank, and exit."""
     _tell(message)
     sys.exit(status)

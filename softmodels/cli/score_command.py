@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import click
 
@@ -14,13 +14,27 @@ from measurement.own_folder import OwnFolderError
 from measurement.units import UnitError
 from softmodels.cli.curve_command import read_material
 from softmodels.cli.options import fail
-from softmodels.cli.tensile_options import read_curves, specimen_options, tensile_option
+from softmodels.cli.tensile_options import CurveFiles, read_curves, specimen_options, tensile_option
 from softmodels.fitting.curves.curve import TensileError
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.score_materials import against_outlines, error_of
 from softmodels.fitting.scoring import Score, score_curve, write_scores
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.mechanics.mpi import speaks
+
+if TYPE_CHECKING:
+    from measurement.outline.outline import Outline
+    from softmodels.case.case import Case
+
+
+class ScoreGiven(CurveFiles):
+    """What further options of the command give, by their names."""
+
+    stretch: str | None
+    stress_error: str
+    untrusted: bool
+    radius: float | None
+    thickness: float | None
 
 
 @click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
@@ -38,7 +52,9 @@ from softmodels.mechanics.mpi import speaks
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("-o", "--output", type=FolderType(), help="Folder for the table scores.csv.  [default: results/score; "
               "results/score-2 and so on where that holds other scores]")  # fmt: skip
-def score(files: tuple[Path, ...], names: tuple[str, ...], output: Path | None, quiet: bool, **options: Any) -> None:
+def score(
+    files: tuple[Path, ...], names: tuple[str, ...], output: Path | None, quiet: bool, **options: Unpack[ScoreGiven]
+) -> None:
     """Score materials against held-out tensile curves, or against outlines of a device.
 
     Nothing of the material is fitted. For each measurement: the root mean square of predicted less measured, chi squared per
@@ -64,7 +80,9 @@ def score(files: tuple[Path, ...], names: tuple[str, ...], output: Path | None, 
         if len(files) == 1:
             raise TensileError(f"{files[0]} says what was inflated; give its outlines too")
         error = error_of(options["stress_error"])
-        curves = read_curves(options) if options["tensile"] else []
+        curves = []
+        if options["tensile"]:
+            curves = read_curves(options, options["radius"], options["thickness"], options["stretch"])
         case, outlines = _device(files, options["untrusted"]) if files else (None, [])
         read = [*files, *map(Path, names), *(Path(text.rpartition(":")[0] or text) for text in options["tensile"])]
         asked = {**options, "names": names, "files": [str(file) for file in files]}
@@ -96,7 +114,7 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
     return {name: read_material(name) for name in names}
 
 
-def _device(files: tuple[Path, ...], untrusted: bool) -> tuple[Any, list[Any]]:
+def _device(files: tuple[Path, ...], untrusted: bool) -> tuple[Case, list[Outline]]:
     from softmodels.case.case import Case, CaseError
     from softmodels.fitting.outlines.reading import read_outlines
 
@@ -107,7 +125,7 @@ def _device(files: tuple[Path, ...], untrusted: bool) -> tuple[Any, list[Any]]:
     return case, read_outlines(files[1:], untrusted)
 
 
-def _outline_scores(materials: dict[str, Material], case: Any, outlines: list[Any]) -> list[Score]:
+def _outline_scores(materials: dict[str, Material], case: Case, outlines: list[Outline]) -> list[Score]:
     from softmodels.mechanics.mpi import abort_on_error, start
     from softmodels.results.outcomes import FAILED
 

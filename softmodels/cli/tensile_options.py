@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import click
 
@@ -15,11 +15,22 @@ from softmodels.fitting.curves.curve import SYNONYMS, Specimen, TensileCurve, Te
 from softmodels.fitting.curves.fit_curves import prepared
 
 
-def tensile_option(text: str = "Curve of a test, FILE[:TEST]; may be given several times.") -> Callable[..., Any]:
+class CurveFiles(TypedDict):
+    """What `tensile_option` and `specimen_options` give a command."""
+
+    tensile: tuple[str, ...]
+    columns: str
+    gauge_length: float | None
+    cross_section: float | None
+
+
+def tensile_option[Command: Callable[..., object]](
+    text: str = "Curve of a test, FILE[:TEST]; may be given several times.",
+) -> Callable[[Command], Command]:
     return click.option("--tensile", "tensile", multiple=True, metavar="FILE[:TEST]", help=text)
 
 
-def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def specimen_options[Command: Callable[..., object]](command: Command) -> Command:
     """Options for what a curve's file does not say."""
     for flag, unit, text in (
         ("--gauge-length", "m", "Undeformed length, for files with extensions."),
@@ -30,7 +41,7 @@ def specimen_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--columns", default="", metavar="KIND=COLUMN[UNIT],...", help=text)(command)
 
 
-def check_curves_given(options: dict[str, Any]) -> None:
+def check_curves_given(options: Mapping[str, object]) -> None:
     """Refuse options about curves where there are none.
 
     Raises:
@@ -45,27 +56,33 @@ def check_curves_given(options: dict[str, Any]) -> None:
             raise TensileError(f"--{name.replace('_', '-')} is about curves; give one with --tensile, or leave it out")
 
 
-def read_curves(options: dict[str, Any]) -> list[TensileCurve]:
+def read_curves(
+    files: CurveFiles, radius: float | None, thickness: float | None, stretch: str | None = None
+) -> list[TensileCurve]:
     """The curves of ``--tensile``, within ``--stretch``, dense ones averaged (see `thinned`).
+
+    Args:
+        files: The curves.
+        radius, thickness: Of a balloon, undeformed, in m.
+        stretch: Range of stretch, as it is typed; None for all.
 
     Raises:
         TensileError: A curve cannot be used, or they do not go together.
     """
-    if not options["tensile"]:
+    if not files["tensile"]:
         raise TensileError("nothing to fit to; give a curve with --tensile FILE")
-    sizes = ("cross_section", "gauge_length", "radius", "thickness")
-    specimen = Specimen(**{name: options[name] for name in sizes})
+    specimen = Specimen(files["cross_section"], files["gauge_length"], radius, thickness)
     curves = []
-    for text in options["tensile"]:
+    for text in files["tensile"]:
         name, _, test = text.rpartition(":")
         if not name or (test.lower() not in SYNONYMS and Path(text).exists()):
             name, test = text, "uniaxial"
-        curves.append(read_curve(Path(name), test, options["columns"], specimen))
+        curves.append(read_curve(Path(name), test, files["columns"], specimen))
     names = [curve.name for curve in curves]
     if len(set(names)) < len(names):  # files of one name in different folders
-        texts = [text if names.count(name) > 1 else name for text, name in zip(options["tensile"], names, strict=True)]
+        texts = [text if names.count(name) > 1 else name for text, name in zip(files["tensile"], names, strict=True)]
         curves = [dataclasses.replace(curve, name=text) for curve, text in zip(curves, texts, strict=True)]
-    return prepared(curves, stretch_range(options["stretch"]) if options.get("stretch") else None)
+    return prepared(curves, stretch_range(stretch) if stretch else None)
 
 
 def stretch_range(text: str) -> tuple[float, float]:

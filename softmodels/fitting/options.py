@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from types import MappingProxyType
 
 from measurement import wording
@@ -53,7 +52,7 @@ class FitOptions:
         """See `softmodels.fitting.least_squares.fit_parameters`."""
         return "soft_l1" if self.robust else "linear"
 
-    def changes_of(self, names: tuple[str, ...]) -> Mapping[str, Mapping[str, object]]:
+    def changes_of(self, names: tuple[str, ...]) -> Changes:
         """The changes that are about these parameters."""
         return {name: change for name, change in self.changes.items() if name in names}
 

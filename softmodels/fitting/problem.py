@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Protocol, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,16 @@ class Prior:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.mean) and math.isfinite(self.error) and self.error > 0.0):
             raise FitError(f"a prior of {self.mean:g} +- {self.error:g} needs finite numbers and an error above zero")
+
+
+class Change(TypedDict, total=False):
+    """What a user wants of a `Parameter`: its fields to replace."""
+
+    start: float
+    lower: float
+    upper: float
+    prior: Prior | None
+    fixed: bool
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,13 +111,17 @@ class Parameter:
         span = self.upper - self.lower
         return span / 2 if math.isfinite(span) else 1.0
 
-    def changed(self, change: Mapping[str, Any]) -> Parameter:
+    def changed(self, change: Change) -> Parameter:
         """With a user's bounds, prior or fixed value; a start outside new bounds moves between them."""
-        new = {**{f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, **change}
-        if not new["fixed"] and not new["lower"] <= new["start"] <= new["upper"]:
-            new["start"] = min(max(new["start"], new["lower"]), new["upper"])
-        new["answers"] = (*new["answers"], *(change[end] for end in ("lower", "upper") if end in change))
-        return Parameter(**new)
+        start, fixed = change.get("start", self.start), change.get("fixed", self.fixed)
+        lower, upper = change.get("lower", self.lower), change.get("upper", self.upper)
+        if not fixed and not lower <= start <= upper:
+            start = min(max(start, lower), upper)
+        ends = [value for end, value in (("lower", lower), ("upper", upper)) if end in change]
+        return dataclasses.replace(
+            self, start=start, fixed=fixed, lower=lower, upper=upper, prior=change.get("prior", self.prior),
+            answers=(*self.answers, *ends),
+        )  # fmt: skip
 
     def inward(self, value: float) -> float:
         """The fit's own coordinate of a value."""
@@ -124,7 +138,7 @@ class Parameter:
         return value if self.logarithmic else self.scale
 
 
-Changes = Mapping[str, Mapping[str, Any]]
+Changes = Mapping[str, Change]
 """Fields of `Parameter` to replace, by name of the parameter: ``{"c3": {"start": 0.0, "fixed": True}}``."""
 
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.problem import Changes
 from softmodels.materials.material import Material
 from softmodels.materials.specimens import respond
 
@@ -108,7 +109,7 @@ def score_outlines(
     device = measured.model(choice, comm)
     shapes, _ = prepare(outlines, measured.actuator, device.silhouette.width)
     source = OutlineResiduals(device, shapes)
-    fixed = {key: {"start": value, "fixed": True} for key, value in material.parameters.items()}
+    fixed: Changes = {key: {"start": value, "fixed": True} for key, value in material.parameters.items()}
     fit = fit_law_to_outlines(source, changes=fixed)
     matches = source.matches(fit.values)
     sizes = fit.residuals[: fit.count]

@@ -8,7 +8,6 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -101,7 +100,7 @@ def material_toml(law: FittedLaw, report: FitReport) -> str:
     fit = law.fit
     intervals = {p.name: [float(end) for end in law.interval(p.name)] for p in fit.free if not p.hidden}
     hidden = {p.name for p in fit.parameters if p.hidden}
-    about: dict[str, Any] = {
+    about: dict[str, object] = {
         "range": report.ranges,
         "how": report.how,
         "sound": law.sound,
@@ -133,7 +132,7 @@ def as_json(report: FitReport) -> str:
     )
 
 
-def _law_json(law: FittedLaw, report: FitReport) -> dict[str, Any]:
+def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
     fit = law.fit
     shown = [i for i, p in enumerate(fit.free) if not p.hidden]
     ranked = next(r for r in report.comparison.ranked if r.fit is fit)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -58,7 +57,7 @@ class Series:
 Program = tuple[Series, ...]
 
 
-def from_tables(tables: Mapping[str, Any]) -> Program:
+def from_tables(tables: Mapping[str, object]) -> Program:
     """The program of a case file's tables, ``cavity1`` and so on by name.
 
     Raises:
@@ -87,7 +86,7 @@ def from_tables(tables: Mapping[str, Any]) -> Program:
     return program
 
 
-def _series(name: str, table: Any) -> Series:
+def _series(name: str, table: object) -> Series:
     if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in KEYS:
         raise ProgramError(f"{name} needs one of {' or '.join(KEYS)}, such as {name}.pressure_cm = [20, 40]")
     text = table[key]
@@ -136,7 +135,7 @@ def goes_on(program: Program, old: Program) -> bool:
     )
 
 
-def to_tables(program: Program) -> dict[str, Any]:
+def to_tables(program: Program) -> dict[str, dict[str, list[float]]]:
     return {f"cavity{i + 1}": {series.key: list(series.values)} for i, series in enumerate(program)}
 
 

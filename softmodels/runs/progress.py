@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import TYPE_CHECKING
 
 from measurement.wording import spoken
 from softmodels.results.row import Row
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
 
 
 class Progress:
@@ -26,7 +29,7 @@ class Progress:
         self.console = Console(stderr=True, quiet=quiet, highlight=False, soft_wrap=True)
         self.console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         self.started = time.monotonic()
-        self._bar: Any = None
+        self._bar: Bar | None = None
         self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> Progress:
@@ -46,7 +49,7 @@ class Progress:
             self._bar.start()
         return self
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 

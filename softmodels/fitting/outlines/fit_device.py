@@ -29,6 +29,7 @@ from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.reading import kept, read_outlines
 from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.outlines.trials import Trial, try_heights, try_outlines
+from softmodels.fitting.problem import Changes
 from softmodels.fitting.profile import profile
 from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.stability import judge
@@ -128,7 +129,7 @@ class _Task:
         left_out = [f"{name} is left out, as --without says" for name in self.options.without]
         return [*filter(None, (caution(self.known), *more)), *left_out]
 
-    def changes(self, choice: LawChoice) -> Mapping[str, Mapping[str, object]]:
+    def changes(self, choice: LawChoice) -> Changes:
         """The changes without those of other laws."""
         foreign = all_parameters().keys() - set(choice.names)
         return {name: change for name, change in self.options.changes.items() if name not in foreign}
