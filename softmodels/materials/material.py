@@ -32,7 +32,7 @@ class MaterialError(Spoken, ValueError):
 def parameter(
     unit: str,
     text: str,
-    default: Any = dataclasses.MISSING,
+    default: object = dataclasses.MISSING,
     bounds: tuple[float, float] = (-math.inf, math.inf),
     many: bool = False,
     grid: tuple[float, ...] = (),
@@ -52,7 +52,7 @@ def parameter(
     )
 
 
-def poissons_ratio() -> Any:
+def poissons_ratio() -> float:
     """The field ``poisson`` that every law ends with."""
     return parameter("", "Poisson's ratio at small strain, -1 to 0.5", 0.49, bounds=(-1.0, 0.5))
 

@@ -43,7 +43,9 @@ class Branch:
 
     def __init__(self, path: Continuation, bifurcation: Point, sign: int):
         self.path, self.start, self.sign = path, bifurcation, sign
-        self.mode = Mode(path.trail.stability.M, bifurcation.mode)
+        assert bifurcation.mode is not None
+        self.shape = bifurcation.mode
+        self.mode = Mode(path.trail.stability.M, self.shape)
         path.trail.begin_again(ArcLength.name)
 
     def amount(self, w: npt.NDArray[np.float64]) -> float:
@@ -59,7 +61,7 @@ class Branch:
         at = self.start.state
         for amount in AMOUNTS:
             try:
-                return self._given(amount, at.w + self.sign * amount * self.start.mode, at.P)
+                return self._given(amount, at.w + self.sign * amount * self.shape, at.P)
             except NoConvergence as failure:
                 self.path.report(f"no state with {amount:g} of the mode ({failure})")
         raise NoConvergence("no state was found on the branch")

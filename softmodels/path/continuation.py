@@ -272,7 +272,7 @@ def _up_to(path: Continuation, before: Point, after: Point, left: list[float], p
             yield here
             if not left:
                 return
-        if stop.bifurcation:
+        if stop.mode is not None:
             # Interpolated, and where K is singular: nothing to foretell the next state from.
             path.trail.modes.append(Mode(path.trail.stability.M, stop.mode))
             here = stop

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +49,7 @@ class Point:
     age: int
     stiffest: float
     signature: Signature = dataclasses.field(default_factory=Signature)
-    mode: Any = None
+    mode: Array | None = None
     jump: bool = False
     turn: bool = False
     worn: bool = False
@@ -118,7 +117,7 @@ def predict(points: Sequence[Point], line: Curve) -> tuple[Array, float]:
     a, b = (1 + 2 * x) * (1 - x) ** 2, h * x * (1 - x) ** 2
     c, e = x * x * (3 - 2 * x), h * x * x * (x - 1)
 
-    def cubic(v: Any, r: Any) -> Any:
+    def cubic[T: (float, Array)](v: Sequence[T], r: Sequence[T]) -> T:
         return a * v[0] + b * r[0] + c * v[1] + e * r[1]
 
-    return cubic(w, dw), float(cubic(np.array(P), np.array(dP)))
+    return cubic(w, dw), float(cubic(P, dP))

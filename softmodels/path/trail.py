@@ -63,7 +63,7 @@ class Trail:
         """
         self.points = []
         for point in points:
-            if point.bifurcation:
+            if point.mode is not None:
                 self.modes.append(Mode(self.stability.M, point.mode))
                 continue
             if point.factorised:

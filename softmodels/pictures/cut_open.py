@@ -5,16 +5,19 @@ The cut is made in the material: it moves along with the deformation, and is a c
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softmodels.pictures.colour_scale import Scale
-from softmodels.pictures.offscreen import surface
+from softmodels.pictures.offscreen import Layer, Style, surface
 from softmodels.pictures.style import INK
 from softmodels.results.skin import CUT, OUTSIDE, SHARP, Skin
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array, Cells
+
+if TYPE_CHECKING:
+    from pyvista import PolyData
 
 SUBTETS = np.array(
     [(0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3), (4, 5, 6, 8), (4, 6, 7, 8), (5, 9, 6, 8), (6, 9, 7, 8)]
@@ -76,7 +79,7 @@ def _section_area(corners: Array, normal: Array, place: Array) -> float:
     return float(abs((np.cross(begin - place, end - place) @ normal).sum()) / 2)
 
 
-def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scale) -> list[Any]:
+def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scale) -> list[Layer]:
     """Layers of a state whose material before a plane of the undeformed device is taken away.
 
     Args:
@@ -96,8 +99,8 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
     # Images of the slice meet in their symmetry plane: one surface, so that no seam is shaded there.
     behind = shell.clean(tolerance=1e-7).clip(normal=normal, origin=place)
-    style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
-    found = [(_warped(behind), {**style, "split_sharp_edges": True, "feature_angle": SHARP})]
+    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
+    found: list[Layer] = [(_warped(behind), {**style, "split_sharp_edges": True, "feature_angle": SHARP})]
     pieces = []
     for image in skin.images:
         piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
@@ -125,13 +128,13 @@ def _aside(vertices: Array, normal: Array, place: Array) -> Array:
     return place - ASIDE * size * normal if on_plane.any() else place
 
 
-def _warped(data: Any) -> Any:
+def _warped(data: PolyData) -> PolyData:
     data = data.copy()
     data.points = data.points + data.point_data["displacement"]
     return data
 
 
-def _section(points: Array, cells: Cells, u: Array, values: Array, normal: Array, place: Array) -> Any:
+def _section(points: Array, cells: Cells, u: Array, values: Array, normal: Array, place: Array) -> PolyData:
     """Where a plane meets the solid."""
     import pyvista
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 import matplotlib
@@ -36,6 +36,7 @@ from softmodels.results.cut_lines import axes_of, cut_line
 from softmodels.results.picture_files import picture_files, picture_folder
 from softmodels.results.store import ResultsError
 from softmodels.results.stored import States
+from softmodels.results.triangles import Array
 from softmodels.results.writing import replace, write_bytes
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Folder:
         self.written.append(self.path / f"{name}.png")
 
 
-def draw(folder: Path, name: str, say: Callable[[str], Any] = print) -> list[Path]:
+def draw(folder: Path, name: str, say: Callable[[str], object] = print) -> list[Path]:
     """Draw all pictures of a folder of results into it, with its film and report; those of before are taken away.
 
     Args:
@@ -93,7 +94,7 @@ def draw(folder: Path, name: str, say: Callable[[str], Any] = print) -> list[Pat
         own.leave()
 
 
-def _draw(states: States, folder: Path, name: str, say: Callable[[str], Any]) -> list[Path]:
+def _draw(states: States, folder: Path, name: str, say: Callable[[str], object]) -> list[Path]:
     shown, out = look(states), Folder(folder)
     with matplotlib.rc_context(STYLE):
         _curves(states, out)
@@ -127,13 +128,13 @@ def _curves(states: States, out: Folder) -> None:
     out.save("profile", outline_curves.profiles(lines, rest, states.rows, actuator.axial, _plate(states)))
 
 
-def _cut_profile(states: States) -> Any:
+def _cut_profile(states: States) -> Figure:
     """The outside along the plane that the case names."""
     actuator, gauges = states.actuator, states.case.gauges
     assert gauges.cut is not None
     normal, at = gauges.cut
 
-    def line(displacement: Any) -> Any:
+    def line(displacement: Array) -> Array:
         return cut_line(states.skin, states.points, displacement, normal, at, actuator.size)
 
     steps = outline_curves.profile_steps(states.rows, actuator.gauge)
@@ -195,7 +196,7 @@ def _solids(shown: Look, out: Folder) -> None:
     out.save("cut", solid_pictures.cut(shown))
 
 
-def _film(shown: Look, out: Folder, say: Callable[[str], Any]) -> None:
+def _film(shown: Look, out: Folder, say: Callable[[str], object]) -> None:
     frames = film.frames(shown)
     for name, encoded in (("film.gif", film.gif), ("film.webp", film.webp)):
         write_bytes(out.path / name, encoded(frames))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 import matplotlib
 import numpy as np
@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from measurement.page import data_uri, render
 from measurement.plain_text import plain
+from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.identifiability import unseen
@@ -35,7 +36,15 @@ BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
 PROFILE_COLUMNS = 3
 
 
-def line(i: int) -> dict[str, Any]:
+class LineStyle(TypedDict):
+    """Keywords of ``Axes.plot``."""
+
+    color: str
+    linestyle: str
+    linewidth: float
+
+
+def line(i: int) -> LineStyle:
     """Colour and dashes of the i-th law."""
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.8}
 
@@ -61,7 +70,7 @@ def draw_curves(report: FitReport) -> Figure:
     return figure
 
 
-def _gauge(one: FittedLaw, report: FitReport, curve: Any) -> float:
+def _gauge(one: FittedLaw, report: FitReport, curve: TensileCurve) -> float:
     number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
     return one.fit.values.get(f"gauge{number}", 1.0)
 

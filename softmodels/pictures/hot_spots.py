@@ -6,12 +6,11 @@ The stretch is the nodal field, continuous over the cells; cells as a whole woul
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
 from softmodels.pictures.colour_scale import Scale
-from softmodels.pictures.offscreen import surface
+from softmodels.pictures.offscreen import Layer, Style, surface
 from softmodels.pictures.style import load, number
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
@@ -53,14 +52,14 @@ def hot_limit(states: States, step: int) -> float:
     return float(value[order][min(int(np.searchsorted(covered, 1 - HOT / 100)), len(order) - 1)])
 
 
-def hot_layers(states: States, step: int, limit: float, scale: Scale) -> list[Any]:
+def hot_layers(states: States, step: int, limit: float, scale: Scale) -> list[Layer]:
     """Walls of the cavities coloured by stretch, what of the outside is above a limit, and the isoline of the limit."""
     skin = states.skin
     stretch = states.field(step, scale.field)[skin.nodes]
     everything = np.arange(len(skin.images))
     points = skin.device(skin.points(states.moved(step)))
-    layers = []
-    style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "ambient": 0.7}
+    layers: list[Layer] = []
+    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "ambient": 0.7}
     for inside in (True, False):
         chosen = skin.part > OUTSIDE if inside else skin.part == OUTSIDE
         if not chosen.any():

@@ -8,8 +8,8 @@ import functools
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Literal, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -17,12 +17,36 @@ import numpy.typing as npt
 from softmodels.pictures.style import DPI, WIDTH
 from softmodels.results.triangles import Array, Cells
 
+if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
+    from pyvista import PolyData
+
 PIXELS = round(WIDTH * DPI)
 """Width of a picture."""
 
 Image = npt.NDArray[np.uint8]
-Layer = tuple[Any, dict[str, Any]]
-"""What is drawn, a ``pyvista.PolyData``, and how: keywords of ``Plotter.add_mesh``."""
+
+
+class Style(TypedDict, total=False):
+    """How something is drawn: keywords of ``pyvista.Plotter.add_mesh``."""
+
+    color: str
+    scalars: str
+    cmap: Colormap
+    clim: tuple[float, float]
+    opacity: float
+    ambient: float
+    line_width: float
+    culling: Literal["front", "back"]
+    smooth_shading: bool
+    split_sharp_edges: bool
+    feature_angle: float
+
+
+type Layer = tuple[PolyData, Style]
+"""What is drawn, and how."""
+type Shoot = Callable[[Sequence[Layer]], Image]
+"""Takes a picture of layers, shape (height, width, 3)."""
 
 PROBE = """
 import sys
@@ -124,7 +148,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-def surface(points: Array, triangles: Cells, normals: Array | None = None, values: Array | None = None) -> Any:
+def surface(points: Array, triangles: Cells, normals: Array | None = None, values: Array | None = None) -> PolyData:
     """Triangles to draw; points (n, 3) in m, triangles (t, 3), normals (n, 3), values (n,) to colour them by."""
     import pyvista
 
@@ -136,14 +160,14 @@ def surface(points: Array, triangles: Cells, normals: Array | None = None, value
     return data
 
 
-def lines(points: Array, pairs: Cells) -> Any:
+def lines(points: Array, pairs: Cells) -> PolyData:
     """Straight lines to draw; points (n, 3) in m, pairs of them (e, 2)."""
     import pyvista
 
     return pyvista.PolyData(points, lines=np.column_stack([np.full(len(pairs), 2), pairs]).ravel())
 
 
-def ring(centre: Array, direction: Array, radius: float) -> Any:
+def ring(centre: Array, direction: Array, radius: float) -> PolyData:
     """A circle to draw around a place, seen from a direction; lengths in m."""
     first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
     first /= np.linalg.norm(first)
@@ -154,7 +178,7 @@ def ring(centre: Array, direction: Array, radius: float) -> Any:
 
 
 @contextlib.contextmanager
-def studio(camera: Camera, samples: int = 4) -> Iterator[Any]:
+def studio(camera: Camera, samples: int = 4) -> Iterator[Shoot]:
     """A place to take pictures in, with one camera: gives a function from layers to an image, shape (height, width, 3).
 
     Args:
@@ -170,13 +194,15 @@ def studio(camera: Camera, samples: int = 4) -> Iterator[Any]:
     def shoot(layers: Sequence[Layer]) -> Image:
         plotter.clear_actors()
         for data, style in layers:
-            style = {"show_scalar_bar": False, "render": False, "reset_camera": False, **style}
             if data.n_lines and "scalars" not in style:
                 # Lifted off the surface towards the viewer; in parallel projection nothing shifts.
                 lifted = data.translate(1e-3 * far * direction)
-                plotter.add_mesh(lifted, lighting=False, **style)
+                plotter.add_mesh(
+                    lifted, lighting=False, show_scalar_bar=False, render=False, reset_camera=False, **style
+                )
             else:
-                plotter.add_mesh(data, **{"ambient": 0.5, **style})
+                shaded: Style = {"ambient": 0.5, **style}
+                plotter.add_mesh(data, show_scalar_bar=False, render=False, reset_camera=False, **shaded)
         plotter.renderer.ResetCameraClippingRange()
         plotter.render_window.Render()  # a second screenshot would not
         return np.asarray(plotter.screenshot(return_img=True))

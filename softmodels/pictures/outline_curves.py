@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -15,6 +15,9 @@ from softmodels.pictures.style import DPI, EDGE, LINES, WARNING, WIDTH, Array, n
 from softmodels.results.row import Row
 from softmodels.results.stability_report import jumped_over
 from softmodels.results.triangles import parabolas
+
+if TYPE_CHECKING:
+    from matplotlib.typing import ColorType
 
 FEW = 2
 """Up to this many requested values, the profile shows steps in between as well."""
@@ -76,7 +79,7 @@ def cut_profiles(
     axes = figure.subplots()
     colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
     names = _labels(rows, _labelled(list(lines)))
-    drawn: list[tuple[Array, Any, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
+    drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
     drawn += [
         (line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)
     ]

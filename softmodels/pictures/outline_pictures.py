@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from softmodels.fitting.outlines.outline_residuals import MatchedPhotograph
 from softmodels.fitting.outlines.simulated import half_outline
-from softmodels.pictures.style import DPI, FAINT, INK, WIDTH
+from softmodels.pictures.style import DPI, FAINT, INK, WIDTH, Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SHOWN = 400
 """Measured points drawn per photograph."""
@@ -63,7 +66,7 @@ def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     return figure
 
 
-def _panel(axes: Any, fitting: MatchedPhotograph) -> None:
+def _panel(axes: Axes, fitting: MatchedPhotograph) -> None:
     shape = fitting.shape
     count = np.bincount(shape.bins)
     place = np.bincount(shape.bins, 1e3 * fitting.side * fitting.points[:, 0]) / count
@@ -79,7 +82,7 @@ def _panel(axes: Any, fitting: MatchedPhotograph) -> None:
     )
 
 
-def _colours(count: int) -> Any:
+def _colours(count: int) -> Array:
     import matplotlib
 
     return matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))

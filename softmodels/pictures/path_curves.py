@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from softmodels.pictures.style import BRANCH, CURVE, DPI, WARNING, WIDTH, Array
 from softmodels.results.columns import term
 from softmodels.results.row import Row
 from softmodels.results.stability_report import jumped_over
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FORCES = ("contact_force_N", "blocked_force_N")
 """Columns that get a curve of their own where a device presses on something."""
@@ -38,8 +42,14 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence
     axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.04)
     k = pascal_per_cm / 1e3
-    convert: Any = (lambda column: column * k, lambda pressure: pressure / k)
-    axes.secondary_xaxis("top", functions=convert).set_xlabel("pressure in kPa", labelpad=8)
+
+    def in_kPa(column: npt.ArrayLike) -> Array:
+        return np.asarray(column) * k
+
+    def in_cm(pressure: npt.ArrayLike) -> Array:
+        return np.asarray(pressure) / k
+
+    axes.secondary_xaxis("top", functions=(in_kPa, in_cm)).set_xlabel("pressure in kPa", labelpad=8)
     axes.legend(loc="best")
     return figure
 
@@ -81,7 +91,7 @@ def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
     return [kind for kind in kinds if kind[3]]
 
 
-def _path(axes: Any, rows: Sequence[Row], column: str, branch: Sequence[Row], over: str = "pressure_cm") -> None:
+def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], over: str = "pressure_cm") -> None:
     """Curve, steps, requested values and jumps of a path over the column ``over``, and the branch that leaves it."""
     places = np.array([[row[over], row[column]] for row in rows])
     jumps = [k for k, row in enumerate(rows) if row.get("jump")]

@@ -9,7 +9,6 @@ import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 from markupsafe import Markup
@@ -72,7 +71,7 @@ def write(look: Look, folder: Path, name: str) -> Path:
     return folder / REPORT
 
 
-def summary(folder: Path) -> dict[str, Any]:
+def summary(folder: Path) -> dict[str, object]:
     """What ``summary.json`` tells of how the run ended; nothing if it has not ended by itself."""
     try:
         found = json.loads((folder / "summary.json").read_text())
@@ -81,7 +80,7 @@ def summary(folder: Path) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def ending(states: States, told: dict[str, Any]) -> str:
+def ending(states: States, told: dict[str, object]) -> str:
     """How the run ended, in a sentence or two; ``told`` is its `summary`."""
     row, gauge = states.rows[states.main], states.actuator.gauge
     stroke = f"{row['stroke_ml']:.4g} ml of stroke and " if "stroke_ml" in row else ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,11 +11,11 @@ from geometries import Actuator
 from softmodels.pictures.colour_scale import FOOT, Scale, page
 from softmodels.pictures.cut_open import best_plane, cut_open
 from softmodels.pictures.hot_spots import hot_layers, hot_limit, hot_title, peak_place, peak_text
-from softmodels.pictures.offscreen import Camera, Image, lines, ring, studio, surface
+from softmodels.pictures.offscreen import Camera, Image, Style, lines, ring, studio, surface
 from softmodels.pictures.style import DPI, EDGE, FAINT, INK, SOLID, WIDTH, headline, load, number, wrapped
 from softmodels.pictures.viewpoint import Look, towards_slice
 from softmodels.results.row import Row
-from softmodels.results.triangles import edge_curves, outer_faces
+from softmodels.results.triangles import Array, edge_curves, outer_faces
 
 AIR = "#2f6f9f"
 COLUMNS = {1: 1, 2: 2, 3: 3, 4: 2}
@@ -35,7 +34,7 @@ def undeformed(look: Look) -> Figure:
     return page(image, f"Undeformed device{what}: {_size(whole)}")
 
 
-def _size(points: Any) -> str:
+def _size(points: Array) -> str:
     return " x ".join(number(length * 1e3) for length in np.ptp(points, axis=0)) + " mm"
 
 
@@ -68,7 +67,7 @@ def slice_stress(look: Look) -> Figure:
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
     values = scale.share(states.field(step, scale.field))[skin.nodes]
     edges = np.concatenate([skin.edges, skin.rims])
-    style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
+    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
     camera = Camera.around([rest, moved], towards_slice(states), look.up)
     with studio(camera) as shoot:
         image = shoot(

@@ -25,7 +25,7 @@ CHARACTER = 0.62
 
 LINES = "viridis"
 SOLID = "#d9e2ec"
-STYLE: Any = {
+STYLE: Any = {  # versions of matplotlib differ in the type of their parameters' names
     "font.size": 12,
     "axes.titlesize": 13,
     "legend.fontsize": 11,

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.pictures.colour_scale import Scale
-from softmodels.pictures.offscreen import PIXELS, Camera, lines, surface
+from softmodels.pictures.offscreen import PIXELS, Camera, Layer, Style, lines, surface
 from softmodels.pictures.style import EDGE, INK, WARNING
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
@@ -76,15 +75,15 @@ class Look:
             corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
         return np.asarray(point + (middle + half * corners) @ along)
 
-    def plate_layers(self) -> list[Any]:
+    def plate_layers(self) -> list[Layer]:
         """Layers of the rigid plane: translucent, with a border; none without one."""
         if self.plate is None:
             return []
         count = len(self.plate)
         fan = np.column_stack([np.zeros(count - 2, int), np.arange(1, count - 1), np.arange(2, count)])
         ring = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
-        style = {"color": WARNING, "opacity": 0.05, "ambient": 1.0}
-        border = {"color": WARNING, "line_width": 2.0}
+        style: Style = {"color": WARNING, "opacity": 0.05, "ambient": 1.0}
+        border: Style = {"color": WARNING, "line_width": 2.0}
         return [(surface(self.plate, fan), style), (lines(self.plate, ring), border)]
 
     def scale(self, steps: Sequence[int], field: str = "von_mises_stress") -> Scale:
@@ -104,28 +103,29 @@ class Look:
         flipped = np.sign(np.linalg.det(skin.images[self.kept]))
         return np.asarray((np.cross(b - a, c - a) @ towards.T * flipped > 0).any(axis=1))
 
-    def coloured(self, step: float, scale: Scale) -> list[Any]:
+    def coloured(self, step: float, scale: Scale) -> list[Layer]:
         """Layers of a state, coloured, with its sharp edges."""
         states, skin = self.states, self.states.skin
         moved = skin.points(states.points + states.between(step, "displacement"))
         values = np.tile(scale.share(states.between(step, scale.field))[skin.nodes], len(self.kept))
         shown = skin.device(moved, self.kept)
         data = surface(shown, self.visible, skin.device(skin.normals(moved), self.kept), values)
-        style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
+        style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
         pairs = skin.device_lines(skin.edges, self.kept)
         if self.opened:
             pairs = np.concatenate([pairs, self.open_rims])
-        edges = [(lines(shown, pairs), {"color": INK, "line_width": 1.5})] if len(pairs) else []
+        edges: list[Layer] = [(lines(shown, pairs), {"color": INK, "line_width": 1.5})] if len(pairs) else []
         return [(data, style), *edges, *self.plate_layers()]
 
-    def translucent(self, step: float, opacity: float, walls: dict[str, Any] | None) -> list[Any]:
+    def translucent(self, step: float, opacity: float, walls: Style | None) -> list[Layer]:
         """Layers of a state with a translucent outside; its cavities' walls before it in a style, None leaves them out."""
         states, skin = self.states, self.states.skin
         moved = skin.points(states.moved(int(step)))
         everything = np.arange(len(skin.images))
         shown, normals = skin.device(moved), skin.device(skin.normals(moved))
-        found = []
-        for part, style in ((1, walls), (0, {"color": "#8fa8c0", "opacity": opacity, "culling": "back"})):
+        found: list[Layer] = []
+        outside: Style = {"color": "#8fa8c0", "opacity": opacity, "culling": "back"}
+        for part, style in ((1, walls), (0, outside)):
             chosen = skin.part > OUTSIDE if part else skin.part == OUTSIDE
             if chosen.any() and style is not None:
                 data = surface(shown, skin.device_triangles(chosen, everything), normals)

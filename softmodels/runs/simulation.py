@@ -246,7 +246,7 @@ class Simulation:
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
         nodal = fields.nodal(point.state)  # on rank 0 alone
-        if point.bifurcation:
+        if point.mode is not None:
             mode = fields.shape(point.mode)
             more = None if mode is None else {"mode": mode / np.abs(mode).max()}
         else:
