@@ -158,9 +158,7 @@ def stored_point(
     )  # fmt: skip
 
 
-def stored_state(
-    results: Stored, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
-) -> tuple[State, Array]:
+def stored_state(results: Stored, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float) -> tuple[State, Array]:
     """A stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
     from softmodels.mechanics.system import State
     from softmodels.results.state_dofs import RAW

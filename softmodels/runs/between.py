@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -108,6 +108,9 @@ def _to_one(case: Case, quantity: str, wanted: float) -> Case:
     """A case that ends at one value."""
     field, scale = {"pressure": ("pressures_cm", 1 / case.cm), "volume": ("volumes_ml", 1e6),
                     "stroke": ("strokes_ml", 1e6)}[quantity]  # fmt: skip
-    nothing: Mapping[str, Any] = {"pressures_cm": (), "volumes_ml": (), "strokes_ml": (), "cycle": False, "control": "auto",
-                                  "supply": case.supply if quantity == "stroke" else None}  # fmt: skip
-    return dataclasses.replace(case, **{**nothing, field: (wanted * scale,)})
+    asked: dict[str, tuple[float, ...]] = {field: (wanted * scale,)}
+    pressures, volumes, strokes = (asked.get(name, ()) for name in ("pressures_cm", "volumes_ml", "strokes_ml"))
+    return dataclasses.replace(
+        case, pressures_cm=pressures, volumes_ml=volumes, strokes_ml=strokes, cycle=False, control="auto",
+        supply=case.supply if quantity == "stroke" else None,
+    )  # fmt: skip
