@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -24,7 +22,7 @@ from softmodels.mechanics.mpi import speaks
 from softmodels.results.outcomes import FAILED
 
 
-def mould(file: Path, silicone: str | None, output: Path | None, quiet: bool, **settings: Any) -> None:
+def mould(file: Path, silicone: str | None, output: Path | None, quiet: bool, **settings: object) -> None:
     """Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.
 
     The device is parted in a plane and cast in two, which are bonded there: a cup forms the outside of each half, its lid
@@ -86,7 +84,7 @@ def told(asked: Asked, found: Made) -> list[str]:
 
 
 def _command() -> click.Command:
-    command: Callable[..., Any] = mould
+    command = mould
     command = click.option("--quiet", is_flag=True, help="Report errors alone.")(command)
     for name, field in reversed(list(about(Workshop).items())):
         default = getattr(Workshop, name)

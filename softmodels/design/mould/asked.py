@@ -50,7 +50,7 @@ class Asked:
         )
 
 
-def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, **settings: Any) -> Asked:
+def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, **settings: object) -> Asked:
     """What is asked for, from Python.
 
     Args:
@@ -78,9 +78,9 @@ def _asked(
     device: Actuator,
     name: str,
     case: Case | None,
-    table: Mapping[str, Any],
+    table: Mapping[str, object],
     silicone: str | None,
-    settings: Mapping[str, Any],
+    settings: Mapping[str, object],
 ) -> Asked:
     given = {key: value for key, value in settings.items() if value is not None}
     table = dict(table)
@@ -117,7 +117,7 @@ def _product(name: object, case: Case | None) -> str:
     return product
 
 
-def _read(file: Path) -> tuple[Case, dict[str, Any]]:
+def _read(file: Path) -> tuple[Case, dict[str, object]]:
     """A case file and its table ``[mould]``; a load is not asked for.
 
     Raises:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -42,7 +41,7 @@ def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
     write_text(folder / "checks.json", json.dumps(checks(asked, made), indent=1) + "\n")
 
 
-def checks(asked: Asked, made: Made) -> dict[str, Any]:
+def checks(asked: Asked, made: Made) -> dict[str, object]:
     """What was found before anything was written; keys end in their unit."""
     return {
         "device_volume_mm3": made.volume * 1e9,
