@@ -57,26 +57,13 @@ class Adjoint:
         self._forces = [compiled(ufl.action(force, self._lambda)) for force in potential.forces]
         self._volume = compiled(potential.cavity_volume - design.rest_volume)
         self._sensitivity = Sensitivity(self.solver)
-        self._b, self._x = system.K.createVecRight(), system.K.createVecRight()
 
     def prepare(self, state: State) -> None:
         """Factorise the tangent at a state; the gradients that follow are of this one."""
         self.solver.factorise(state)
         self._state = state
         self._tangent_load = np.array(self.solver.bordered.q.array_r)
-        self._opened = self._solve(self._tangent_load)
-
-    def _solve(self, force: Array) -> Array:
-        """K^-1 force with the factorisation at hand, and one refinement; owned entries."""
-        bordered, b, x = self.solver.bordered, self._b, self._x
-        b.array_w[:] = force
-        bordered.solve(b, x)
-        found = np.array(x.array_r)
-        x.array_w[:] = found
-        self.system.K.mult(x, b)
-        b.array_w[:] = force - b.array_r
-        bordered.solve(b, x)
-        return found + x.array_r
+        self._opened = self.design.answer(self._tangent_load)
 
     def multipliers(self, slopes: Slopes, kind: str) -> tuple[Array, float]:
         """lambda (owned entries) and eta of a quantity at the prepared state, for a load of a kind."""
@@ -84,7 +71,7 @@ class Adjoint:
             return np.zeros(self.system.n), 0.0
         q, comm = self._tangent_load, self.system.comm
         by_w = np.zeros(self.system.n) if slopes.w is None else slopes.w
-        lam = self._solve(by_w) if slopes.w is not None else by_w
+        lam = self.design.answer(by_w) if slopes.w is not None else by_w
         if kind == VOLUME:
             compliance = total(comm, float(q @ self._opened))
             eta = (total(comm, float(q @ lam)) + slopes.P) / compliance
@@ -165,11 +152,6 @@ class Adjoint:
             force, stress = self._sensitivity.material_force(name)
             by_material[name] = system.stress_unit * total(system.comm, float(v @ force)) + state.P * stress
         return lengths, by_material
-
-    def release(self) -> None:
-        """Give back what PETSc holds."""
-        self._b.destroy()
-        self._x.destroy()
 
 
 def material_number(material: Material, name: str) -> float:

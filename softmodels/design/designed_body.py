@@ -16,6 +16,7 @@ from softmodels.results.grid import Grid, displacement_maps
 
 if TYPE_CHECKING:
     import ufl
+    from petsc4py import PETSc
 
 Array = npt.NDArray[np.float64]
 
@@ -41,6 +42,7 @@ class DesignedBody:
         resting = fem.Function(system.space)
         self.rest_volume: ufl.Form = ufl.replace(system.potential.cavity_volume, {system.w: resting})
         self._rest_volume = system.form(self.rest_volume)
+        self._vectors: tuple[PETSc.Vec, PETSc.Vec] | None = None
 
     @functools.cached_property
     def strain(self) -> Strain:
@@ -68,8 +70,28 @@ class DesignedBody:
         """Dimensionless volume that the pressure works on, of the undeformed device as the mesh shows it now."""
         return self.system.integral(self._rest_volume)
 
+    def face_load(self, role: str) -> Array:
+        """A unit load along the lift, spread evenly over a role's undeformed facets: owned entries; see `System.face_load`."""
+        return self.system.face_load(role, self.system.body.actuator.lift).copy()
+
+    def answer(self, force: Array) -> Array:
+        """K^-1 times a force with the factorisation at hand, refined once on the K that was factorised; owned entries."""
+        bordered, K = self.solver.bordered, self.system.K
+        if self._vectors is None:
+            self._vectors = K.createVecRight(), K.createVecRight()
+        b, x = self._vectors
+        b.array_w[:] = force
+        bordered.solve(b, x)
+        found = np.array(x.array_r)
+        K.mult(x, b)
+        b.array_w[:] = force - b.array_r
+        bordered.solve(b, x)
+        return found + x.array_r
+
     def release(self) -> None:
         """Give back what PETSc and MPI hold."""
+        for vector in self._vectors or ():
+            vector.destroy()
         self.motion.release()
         self.solver.release()
 

@@ -123,7 +123,6 @@ class MeshedDesign:
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold."""
-        self.adjoint.release()
         self.design.release()
 
     def follow(self, device: Actuator, depth: int = 0) -> None:

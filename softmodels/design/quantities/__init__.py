@@ -1,6 +1,17 @@
 """What designs are judged by, one idea a file; `QUANTITIES` has them by name."""
 
-from softmodels.design.quantities import composite, geometric, limits, peaks, places, volumes
+from softmodels.design.quantities import composite, forces, geometric, limits, peaks, places, volumes
 from softmodels.design.quantities.base import QUANTITIES, Quantity, quantity
 
-__all__ = ["QUANTITIES", "Quantity", "composite", "geometric", "limits", "peaks", "places", "quantity", "volumes"]
+__all__ = [
+    "QUANTITIES",
+    "Quantity",
+    "composite",
+    "forces",
+    "geometric",
+    "limits",
+    "peaks",
+    "places",
+    "quantity",
+    "volumes",
+]

@@ -29,11 +29,13 @@ class FormMeasure(Measure):
         forms: UFL forms without arguments; those of the state are functions of `System.w`.
         combine: The function, and its slopes.
         counted_in_stress: Whether the function is in shear moduli.
+        by_pressure: Derivatives of the last forms' sum by the pressures of the cavities, dimensionless.
     """
 
     def __init__(
-        self, design: DesignedBody, forms: Sequence[ufl.Form], combine: Combine, counted_in_stress: bool = False
-    ):
+        self, design: DesignedBody, forms: Sequence[ufl.Form], combine: Combine, *,
+        counted_in_stress: bool = False, by_pressure: Sequence[ufl.Form] = (),
+    ):  # fmt: skip
         import ufl
 
         self.design, self.combine, self.counted_in_stress = design, combine, counted_in_stress
@@ -43,6 +45,7 @@ class FormMeasure(Measure):
         self._slopes = [
             form(ufl.derivative(one, system.w, test)) if system.w in one.coefficients() else None for one in forms
         ]
+        self._by_pressure = [form(one) for one in by_pressure]
         self._covectors = [design.motion.compiled(one) for one in forms]
 
     def slopes(self, state: State | None) -> Slopes:
@@ -57,7 +60,14 @@ class FormMeasure(Measure):
                 part = rate * system.assemble([slope])
                 by_w = part if by_w is None else by_w + part
             by_X += rate * self.design.motion.assembled(covector)
-        return Slopes(value, by_w, 0.0, by_X, self.note(value))
+        by_P = sum(
+            (
+                share * system.integral(form)
+                for share, form in zip(system.coupling.shares, self._by_pressure, strict=False)
+            ),
+            0.0,
+        )
+        return Slopes(value, by_w, float(rates[-1] * by_P), by_X, self.note(value))
 
     def note(self, value: float) -> str:
         """A sentence on how far the value can be trusted."""

@@ -51,7 +51,7 @@ class PeakMeasure(FormMeasure):
             density * body.hoop * body.measures()[0]
             for density in (square ** (POWER // 2), fem.Constant(body.mesh, 1.0))
         ]
-        super().__init__(design, forms, self._root, counted_in_stress)
+        super().__init__(design, forms, self._root, counted_in_stress=counted_in_stress)
         self._largest, self._factor = largest_value, 0.0
         self._found = 0.0
 
