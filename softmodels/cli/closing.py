@@ -60,7 +60,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         pictures = (
             f"; pictures (*.png), film.gif, film.webp and report.html, in {took:.1f} s" if took is not None else ""
         )
-        print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.xdmf for ParaView{pictures}")
+        print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{pictures}")
     return status
 
 

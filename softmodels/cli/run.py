@@ -20,6 +20,7 @@ from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import GaugeError
 from softmodels.cli.closing import close
 from softmodels.materials.laws import MaterialError
+from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_MEMORY, RunError
@@ -127,6 +128,8 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
                 if refused
                 else (FAILED, f"PETSc stopped ({reason}); {more}")
             )
+        case TimeoutError():  # of an equation that is compiled late
+            return FAILED, LONG
         case OSError():
             return FAILED, unwritten(error)
         case MemoryError():

@@ -22,6 +22,7 @@ from geometries.actuator import Vector
 from geometries.mesh_files import load_mesh
 from geometries.meshing import private_model
 from measurement.wording import Spoken
+from softmodels.mechanics.compiling import compiling, mend_cache
 from softmodels.mechanics.mpi import is_root, on_root
 
 if TYPE_CHECKING:
@@ -72,15 +73,18 @@ class Body:
             FileNotFoundError: No such file.
             MeshFileError: Not a mesh as ``actuator.write`` makes them.
             BodyError: A mesh of another device.
+            CompilingError: DOLFINx cannot compile what a mesh needs.
         """
         import gmsh
         from dolfinx import mesh as meshes
         from dolfinx.io import gmsh as gmshio
 
+        mend_cache(comm)
         with private_model() if is_root(comm) else contextlib.nullcontext():
             # What is wrong with a file is an error on all ranks, not a hang.
             on_root(comm, lambda: load_mesh(path, actuator.dimension))
-            data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
+            with compiling():
+                data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim
         by_dimension = {tdim - 1: data.facet_tags, tdim - 2: data.ridge_tags, tdim - 3: data.peak_tags}

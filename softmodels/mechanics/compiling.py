@@ -10,11 +10,22 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from measurement.wording import Spoken
+from softmodels.mechanics.mpi import on_root
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 LONGEST = 180.0
 """Seconds after which nobody can still be compiling one module: a solid slice takes half a minute on a slow machine."""
+
+LONG = (
+    "another run has been compiling the same equations for long, or was killed meanwhile; run again after "
+    f"{LONGEST / 60:g} minutes, when what a killed one has left is taken away"
+)
+"""What is said where DOLFINx has waited in vain for another run."""
 
 
 class CompilingError(Spoken, RuntimeError):
@@ -40,6 +51,11 @@ def wait_for_cache(folder: Path, tell: Callable[[str], None], stopped: Callable[
             )
             told = True
         time.sleep(0.2)
+
+
+def mend_cache(comm: MPI.Comm) -> None:
+    """Take away what a killed run has left half compiled, and wait for runs that compile; all ranks call it."""
+    on_root(comm, lambda: wait_for_cache(cache(), lambda text: None, bool))
 
 
 def _age(source: Path) -> float | None:
@@ -69,9 +85,7 @@ def compiling() -> Iterator[None]:
     try:
         yield
     except TimeoutError as error:
-        raise CompilingError(
-            "another run has been compiling the same equations for long; wait for it, then run again"
-        ) from error
+        raise CompilingError(LONG) from error
     except OSError as error:
         folder = cache()
         raise CompilingError(

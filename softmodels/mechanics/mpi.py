@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 SHARED_MEMORY = Path("/dev/shm")
 """Where MPICH keeps what its ranks share, even of one rank; it ends the process where it cannot."""
+OPTION_FILES = (".petscrc", "petscrc", "dolfinx_jit_options.json", "ffcx_options.json")
+"""What PETSc, DOLFINx and FFCx read in the folder they start in."""
+_started: list[bool] = []
+"""Holds something once PETSc, DOLFINx and FFCx have read their options, which each does once in a process."""
 LEAST_SHARED = 1 << 20
 """Bytes that it takes at its start, and room to spare."""
 
@@ -55,6 +59,8 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
         import dolfinx_solver  # noqa: F401
     import petsc4py
 
+    if _started:
+        return _world()
     try:
         # PETSc sets handlers of its own, with which it would end the program where the reader of its log has gone.
         with _nobodys_folder(), handlers_kept():
@@ -65,6 +71,11 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
         raise StartError(
             f"PETSc does not start with the words {words!r} ({petsc_reason(error)}); check what follows --"
         ) from None
+    _started.append(True)
+    return _world()
+
+
+def _world() -> MPI.Intracomm:
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
@@ -72,12 +83,15 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
 
 @contextlib.contextmanager
 def _nobodys_folder() -> Iterator[None]:
-    """Stand in the root folder for a moment.
+    """Stand in the root folder for a moment, where this one has files that would be read.
 
     PETSc, DOLFINx and FFCx read options from files in the folder they start in (.petscrc, dolfinx_jit_options.json), and
     those options can load and run code. That folder may be somebody else's results; the user's own options in the home
     folder and in PETSC_OPTIONS count all the same.
     """
+    if not any(os.path.lexists(name) for name in OPTION_FILES):
+        yield
+        return
     here = os.open(".", os.O_RDONLY)  # a way back also to a folder that has been deleted
     try:
         os.chdir("/")

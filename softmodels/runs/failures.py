@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from measurement.output_place import FULL
+from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.mpi import petsc_reason
 from softmodels.results.outcomes import NO_MEMORY, RunError
 
@@ -38,5 +39,7 @@ def sentences(of_the_disk: Callable[[OSError], str] = no_mesh) -> Iterator[None]
         raise RunError(f"PETSc stopped ({petsc_reason(error)})") from error
     except MemoryError as error:
         raise RunError(NO_MEMORY) from error
+    except TimeoutError as error:
+        raise RunError(LONG) from error
     except OSError as error:
         raise RunError(of_the_disk(error)) from error

@@ -7,9 +7,11 @@ import sys
 
 import pytest
 
+import softmodels as sm
 from softmodels.cli.options import main
 from softmodels.disk import command
 from softmodels.mechanics.compiling import wait_for_cache
+from softmodels.runs.simulation import Simulation
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 
@@ -94,3 +96,46 @@ def test_what_a_run_killed_while_compiling_left_is_taken_away(tmp_path):
     wait_for_cache(tmp_path, said.append, others)
     assert len(said) == 1 and "compiling" in said[0]
     assert ready.exists() and young.exists() and not old.exists()
+
+
+@pytest.mark.parametrize("ask", [
+    lambda disk, law: sm.limit(disk, law), lambda disk, law: sm.inflate(disk, law, pressures="0,5 cm"),
+])  # fmt: skip
+def test_what_a_killed_run_left_half_compiled_is_mended(ask, tmp_path, monkeypatch):
+    """DOLFINx would wait for a module that nobody makes any more, and end with a TimeoutError."""
+    old = tmp_path / "libffcx_elements_half.c"
+    old.touch()
+    os.utime(old, (0, 0))
+    monkeypatch.setattr("softmodels.mechanics.compiling.cache", lambda: tmp_path)
+    ask(sm.HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0), sm.NeoHookean(20e3))
+    assert not old.exists()
+
+
+def test_waiting_in_vain_for_a_compiler_is_a_sentence(monkeypatch):
+    def late(self, begun=None):
+        raise TimeoutError("JIT compilation timed out")
+
+    monkeypatch.setattr(Simulation, "steps", late)
+    disk = sm.HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0)
+    with pytest.raises(sm.RunError, match="compiling the same equations for long, or was killed meanwhile; run again"):
+        sm.inflate(disk, sm.NeoHookean(20e3), pressures="0,5 cm")
+
+
+def test_the_callers_folder_is_left_once_and_only_from_option_files(tmp_path, runs):
+    text = """
+import os
+from pathlib import Path
+left, real = [], os.chdir
+os.chdir = lambda place: (left.append(place), real(place))
+from softmodels.mechanics.mpi import start
+here = os.getcwd()
+for name in {files}:
+    Path(name).write_text("{{}}")
+for _ in range(3):
+    start()
+assert os.getcwd() == here
+print(len(left))
+"""
+    for files, count in (("()", 0), ("('dolfinx_jit_options.json',)", 1)):
+        done = runs.run("-c", text.format(files=files), cwd=tmp_path)
+        assert (done.status, done.out, done.err) == (0, f"{count}\n", "")

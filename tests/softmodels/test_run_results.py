@@ -94,6 +94,7 @@ def test_without_a_terminal_every_step_is_a_line(runs, whole):
     assert len(steps) == len(rows) and "\x1b" not in done.err
     assert all(f"{row['pressure_cm']:.3f} cm" in line for row, line in zip(rows, steps, strict=True))
     assert "177 cm" in done.out and f"{rows[-1]['apex_mm']:+.5g} mm" in done.out and str(folder) in done.out
+    assert "path.csv, disk.vtkhdf for ParaView" in done.out and (folder / "disk.vtkhdf").exists()
     assert "pictures" not in done.out
 
 
