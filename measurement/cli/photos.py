@@ -211,10 +211,10 @@ def _line(result: Result) -> str:
 
 def _draw(output: Path, made: Measurement, tone: str) -> None:
     from measurement.edge.tracing import trace_image
-    from measurement.series.overview import animate, draw_heights, draw_profiles, measured, write_overview
+    from measurement.series.overview import animate, draw_heights, draw_profiles, write_overview
     from measurement.series.photo_pictures import draw_steps
 
-    outlines = measured(made.results)
+    outlines = sorted(made.outlines, key=lambda outline: outline.pressure)
     if outlines:
         draw_profiles(output / "profiles.png", outlines)
         draw_heights(output / "heights.png", outlines)

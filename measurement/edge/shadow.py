@@ -42,9 +42,9 @@ SMALLEST_CONTRAST = 0.3
 """Least share of the screen's light that the shadow must take away."""
 
 
-def chi_square_limit(channels: int = 3, confidence: float = CONFIDENCE) -> float:
-    """Square of the Mahalanobis distance that this share of the shadow's pixels stays below."""
-    return float(chi2.ppf(confidence, channels))
+def chi_square_limit() -> float:
+    """Square of the Mahalanobis distance that `CONFIDENCE` of the shadow's pixels stay below, in three channels."""
+    return float(chi2.ppf(CONFIDENCE, 3))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

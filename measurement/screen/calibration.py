@@ -1,6 +1,6 @@
 """A camera calibrated from photographs of a chessboard (Zhang 2000, doi 10.1109/34.888718; the solver is OpenCV's).
 
-The corners are measured again in the lens that they gave (`corners`), until both agree.
+The corners are measured again in the lens that they gave (`camera.corners`), until both agree.
 """
 
 from __future__ import annotations

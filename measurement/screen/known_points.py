@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from measurement.camera.camera import Camera, Points, as_points
@@ -88,7 +90,7 @@ def plane_of_scale(
     px = np.array([[0.0, 0.0], [width - 1.0, 0.0], [0.0, height - 1.0], [width - 1.0, height - 1.0]])
     ideal = camera.undistort(px)
     plane = Plane(matrix / norm, np.outer(slope, slope) * error**2, 0.0, ideal, ideal)
-    return Plane(plane.homography, plane.covariance, 0.0, ideal, plane.to_metres(ideal))
+    return dataclasses.replace(plane, targets=plane.to_metres(ideal))
 
 
 def _check_spread(points: Points) -> None:

@@ -20,7 +20,6 @@ from measurement.camera.camera import Points, as_points
 FEWEST = 4
 """Points that fix a homography; a fifth is the first that can contradict it."""
 
-
 FEWEST_NEIGHBOURS = 12
 """Points from which what neighbours have in common can be told from chance."""
 
@@ -126,10 +125,6 @@ class Plane:
         slope[:, 0, 0:3] = slope[:, 1, 3:6] = ray
         slope[:, :, 6:9] = -metres[:, :, None] * ray[:, None, :]
         return slope @ self.covariance @ np.swapaxes(slope, 1, 2)
-
-    def error(self, ideal_px: ArrayLike) -> Points:
-        """Standard error (n,) in m from the fit: the root mean square over all directions on the screen."""
-        return np.sqrt(np.trace(self.covariances(ideal_px), axis1=1, axis2=2) / 2.0)
 
 
 def _check(seen: Points, known: Points, sigma_px: float | ArrayLike | None) -> None:

@@ -17,6 +17,7 @@ from PIL import Image
 
 from measurement.outline.outline import Outline
 from measurement.page import image_uri, render
+from measurement.plain_text import plain
 from measurement.series.measuring import Result
 from measurement.series.photo import Refusal
 from measurement.series.witness import course_of
@@ -35,12 +36,6 @@ TITLE = "Outlines from shadows"
 
 FRAME_TIME = 500
 """Milliseconds per picture of the animation."""
-
-
-def measured(results: Sequence[Result]) -> list[Outline]:
-    """The outlines among the results, by rising pressure."""
-    outlines = [result.outcome for result in results if isinstance(result.outcome, Outline)]
-    return sorted(outlines, key=lambda outline: outline.pressure)
 
 
 def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
@@ -99,7 +94,7 @@ def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
     for outline in [outline for outline in outlines if not outline.trusted][:MOST_NAMED]:
         right = outline.pressure / 1e3 > middle  # there a name beside the point would leave the picture
         axes.annotate(
-            outline.source.replace("$", r"\$"), (outline.pressure / 1e3, outline.height * 1e3), fontsize=8, va="top",
+            plain(outline.source), (outline.pressure / 1e3, outline.height * 1e3), fontsize=8, va="top",
             xytext=(-6 if right else 6, -4), textcoords="offset points", ha="right" if right else "left", color="#c0392b",
         )  # fmt: skip
     axes.set_xlabel("pressure in kPa")

@@ -59,26 +59,6 @@ class Refusal:
     file: Path
 
 
-def measure(
-    file: Path, setup: Setup, zero: ZeroLine, pressure: float, pressure_error: float, tone: str = AUTO
-) -> Outline | Refusal:
-    """Measure the outline of the shadow in one photograph.
-
-    Args:
-        file: The photograph.
-        setup: Camera and screen.
-        zero: The undeformed surface.
-        pressure: Pressure in Pa.
-        pressure_error: Its standard error in Pa.
-        tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
-    """
-    try:
-        traced = trace(file, setup, tone, zero.tone)
-        return outline_of(traced, setup, zero, pressure, pressure_error, Path(file).name)
-    except Unmeasurable as error:
-        return Refusal(str(error), Path(file))
-
-
 def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
     """The undeformed surface from the photograph at zero pressure.
 

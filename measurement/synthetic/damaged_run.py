@@ -30,7 +30,7 @@ from measurement.synthetic.bench import Bench
 from measurement.synthetic.damages import KINDS, NEEDS_SIDES, ONE, RAISED, SETUP
 from measurement.synthetic.demo import PA_PER_CM, column
 from measurement.synthetic.faults import Change, Target
-from measurement.synthetic.photographer import photograph, truth_of
+from measurement.synthetic.photographer import lens_of, photograph, truth_of
 from measurement.synthetic.verdict import Verdict, faults_of
 
 Pixels = NDArray[np.uint8]
@@ -121,7 +121,7 @@ class Run:
 
     def _setup(self, lens: tuple[float, ...]) -> Setup:
         scene = self.bench.scene
-        camera = Camera(self.truth.matrix, np.array(lens_of(lens)), scene.width, scene.height, "known", 0.0)
+        camera = Camera(self.truth.matrix, lens_of(lens), scene.width, scene.height, "known", 0.0)
         return Setup(camera, find_grid(self.grid, camera, scene.grid_pitch).plane(camera), grid_pitch=scene.grid_pitch)
 
     def _picture(self, number: int, change: Change) -> Pixels:
@@ -176,8 +176,3 @@ class Run:
         if outcome.trusted:
             return Verdict(*made, "right" if harmless else "wrong", off, harmless)
         return Verdict(*made, "untrusted", "; ".join(outcome.reasons), harmless)
-
-
-def lens_of(given: tuple[float, ...]) -> list[float]:
-    """Five coefficients of OpenCV's lens model, those that are not given 0."""
-    return [*given, *[0.0] * (5 - len(given))]

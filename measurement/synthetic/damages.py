@@ -23,6 +23,7 @@ from measurement.synthetic.faults import (
     smear,
     water_drop,
 )
+from measurement.synthetic.photographer import lens_of
 
 ONE, RAISED, SERIES, SETUP = "one", "raised", "series", "setup"
 """What a damage falls on: one photograph, all but the zero, all of them, or the setup by which they are measured."""
@@ -134,8 +135,7 @@ def edited(target: Target, rng: np.random.Generator) -> Change:
 
 def wrong_lens(target: Target, rng: np.random.Generator) -> Change:
     """The setup has another lens' distortion."""
-    true = np.zeros(5)
-    true[: len(target.scene["distortion"])] = target.scene["distortion"]
+    true = lens_of(target.scene["distortion"])
     off = float(rng.choice([-1.0, 1.0])) * 10 ** rng.uniform(-2.5, -1.0)
     return Change(f"k1 off by {off:+.3f}", lens=(true[0] + off, *true[1:]))
 

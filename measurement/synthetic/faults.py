@@ -28,7 +28,7 @@ class Target:
     Attributes:
         outline: Polygon (k, 2) in m of the body in the photograph to be damaged.
         surface: Its upper side alone (n, 2), from left to right.
-        scene: Camera and light as numbers of `synthetic.Scene` that a damage may change.
+        scene: Camera and light as numbers of `photographer.Scene` that a damage may change.
     """
 
     outline: Array

@@ -149,9 +149,12 @@ def truth_of(scene: Scene) -> Truth:
     across, up = turn[:, 0], -turn[:, 1]
     away = np.array([0.0, 0.0, scene.pixel_size * scene.focal_px])
     pose = np.column_stack([across, up, away - across * scene.target[0] - up * scene.target[1]])
-    distortion = np.zeros(5)
-    distortion[: len(scene.distortion)] = scene.distortion
-    return Truth(scene, matrix, distortion, np.linalg.inv(matrix @ pose))
+    return Truth(scene, matrix, lens_of(scene.distortion), np.linalg.inv(matrix @ pose))
+
+
+def lens_of(given: Sequence[float]) -> Array:
+    """The five coefficients of OpenCV's lens model, those that are not given 0."""
+    return np.array([*given, *[0.0] * (5 - len(given))])
 
 
 def photograph(
@@ -163,7 +166,7 @@ def photograph(
         scene: Camera, screen, lamp and sensor.
         outline: Polygon (k, 2) in m whose inside is in shadow, its last point joined to the first; None for no shadow.
         seed: Seed of noise and dust.
-        things: Other polygons (k, 2) in m in the lamp's light, such as those of `synthetic_faults`.
+        things: Other polygons (k, 2) in m in the lamp's light, such as those of `faults`.
         fault: What else changes the light on its way to the sensor; None for nothing.
 
     Returns:

@@ -18,10 +18,9 @@ import numpy as np
 from measurement.camera.camera import Camera
 from measurement.camera.pixels import read_photograph
 from measurement.edge.tracing import trace, trace_image
-from measurement.outline.outline import Outline
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
-from measurement.series.photo import measure, zero_of
+from measurement.series.photo import outline_of, zero_of
 from measurement.synthetic.photographer import Scene, dome, dome_height, photograph, save, truth_of
 
 SCENE = Scene(
@@ -49,7 +48,7 @@ def main() -> None:
         whole, reading, tracing = [], [], []
         for _ in range(ROUNDS):
             started = time.perf_counter()
-            outline = measure(file, setup, zero, 1000.0, 10.0)
+            outline = outline_of(trace(file, setup, likely=zero.tone), setup, zero, 1000.0, 10.0, file.name)
             whole.append(time.perf_counter() - started)
             started = time.perf_counter()
             read_photograph(file)
@@ -59,8 +58,6 @@ def main() -> None:
             tracing.append(time.perf_counter() - started)
     print(f"one photograph of {SCENE.width * SCENE.height / 1e6:.1f} megapixels: {statistics.median(whole):.2f} s")
     print(f"  reading the file {statistics.median(reading):.2f} s, with its edge {statistics.median(tracing):.2f} s")
-    if not isinstance(outline, Outline):
-        raise SystemExit(f"refused: {outline.reason}")
     miss = outline.z - dome_height(outline.x + origin[0], HEIGHT, RADIUS)
     print(
         f"  {len(outline.x)} points, apex {1e6 * (outline.height - HEIGHT):+.1f} um, heights {1e6 * np.std(miss):.1f} um rms"

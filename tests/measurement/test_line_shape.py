@@ -16,8 +16,7 @@ from measurement.screen.line_shape import LineShape
 from measurement.screen.setup import Setup
 from measurement.series.photo import outline_of, zero_of
 from measurement.synthetic.bench import Bench
-from measurement.synthetic.damaged_run import lens_of
-from measurement.synthetic.photographer import photograph, truth_of
+from measurement.synthetic.photographer import lens_of, photograph, truth_of
 from measurement.synthetic.verdict import across
 
 STEP = 0.005
@@ -73,7 +72,7 @@ def test_no_lines_have_no_shape():
 def test_grid_lines_do_not_move_an_edge_that_is_out_of_focus(blur):
     bench, height = Bench.random(28), 1.8e-3
     truth, scene = truth_of(bench.scene), bench.scene
-    camera = Camera(truth.matrix, np.array(lens_of(scene.distortion)), scene.width, scene.height, "known", 0.0)
+    camera = Camera(truth.matrix, lens_of(scene.distortion), scene.width, scene.height, "known", 0.0)
     plane = find_grid(photograph(scene, None, 1)[0], camera, scene.grid_pitch).plane(camera)
     setup = Setup(camera, plane, grid_pitch=scene.grid_pitch)
     blurred = dataclasses.replace(scene, blur=blur)

@@ -16,9 +16,9 @@ from measurement.__main__ import main
 from measurement.camera import picture_file
 from measurement.camera.lens import read_exif
 from measurement.camera.picture_file import PictureError, read_pixels
-from measurement.outline.outline import Outline
+from measurement.edge.tracing import trace
 from measurement.screen.setup import Setup
-from measurement.series.photo import find_zero, measure
+from measurement.series.photo import find_zero, outline_of
 from measurement.synthetic import demo
 from measurement.synthetic.photographer import Scene, dome, photograph, save
 
@@ -206,8 +206,8 @@ def bench(tmp_path_factory):
 @pytest.mark.parametrize("kind", ["heic", "cmyk.jpg", "dgrey16.png", "d12.tif"])
 def test_outlines_do_not_depend_on_the_kind_of_file(bench, tmp_path, kind):
     setup, zero, picture = bench
-    found = measure(written(tmp_path / f"a.{kind}", picture, kind), setup, zero, 1000.0, 10.0)
-    assert isinstance(found, Outline), found
+    traced = trace(written(tmp_path / f"a.{kind}", picture, kind), setup, likely=zero.tone)
+    found = outline_of(traced, setup, zero, 1000.0, 10.0, kind)
     assert found.trusted, found.reasons
     assert found.height == pytest.approx(HEIGHT, abs=15e-6)
 
