@@ -25,7 +25,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,6 +197,21 @@ class SeminarActuator(Actuator):
         from geometries.seminar_shape import measured_volume
 
         return 2.0 * measured_volume(self)
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        from geometries.seminar_carry import movable
+
+        return movable(self)
+
+    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where points on the boundary lie on another slab, to rounding on all of it; see `Actuator.carried`.
+
+        Roundings of the network's creases are followed too, and the two slabs may give their channels by lists or in common.
+        """
+        from geometries.seminar_carry import carried
+
+        return carried(self, other, points)
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell which points lie on the top face's line in the mirror plane, from the base to the tip."""
