@@ -250,7 +250,7 @@ def test_lists_stand_between_commas_on_the_command_line():
     assert command.main(given.split(), standalone_mode=False) == SeminarActuator(channels=3, around=5.0, **OWN)
     with pytest.raises(click.BadParameter, match="has no unit"):
         command.main(["--bores", "0.8mm,0.6"], standalone_mode=False)
-    with pytest.raises(GeometryError, match="--channel-bore means nothing with --bores"):
+    with pytest.raises(GeometryError, match="channel_bore means nothing with bores"):
         command.main([*given.split(), "--channel-bore", "0.7mm"], standalone_mode=False)
 
 
