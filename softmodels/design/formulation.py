@@ -1,0 +1,168 @@
+"""A problem in numbers of size one: parameters from 0 to 1, quantities by their limits, limits kept below zero."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.design.asked import Keep, in_words, label
+from softmodels.design.problem import DesignProblem
+from softmodels.design.tolerances import SURE, Spread
+from softmodels.design.trials import Trial
+
+Array = npt.NDArray[np.float64]
+INSIDE = 1e-4
+"""Share of a limit that the search stays inside of it, so that what it ends with really keeps it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One limit on one value.
+
+    Attributes:
+        keep: The limit.
+        key: Key of the value.
+        sign: 1 for at most, -1 for at least.
+        limit: SI unit.
+        scale: What a violation is counted in, SI unit.
+        words: What is limited, with its pressure.
+    """
+
+    keep: Keep
+    key: str
+    sign: float
+    limit: float
+    scale: float
+    words: str
+
+    @property
+    def text(self) -> str:
+        """The limit in words."""
+        return f"{self.words} {'at most' if self.sign > 0 else 'at least'} {in_words(self.keep.quantity, self.limit)}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Scaled:
+    """A design in scaled numbers: f to be made small, every c at most zero, and their slopes by the scaled parameters."""
+
+    f: float
+    df: Array
+    c: Array
+    dc: Array
+
+
+class Formulation:
+    """A problem, scaled.
+
+    Args:
+        problem: The problem.
+        first: A trial that could be judged; its objective is the scale of all objectives.
+    """
+
+    def __init__(self, problem: DesignProblem, first: Trial):
+        self.problem, self.spread = problem, Spread(problem)
+        self.low = np.array([one.low for one in problem.free])
+        self.width = np.array([one.width for one in problem.free])
+        self.rest = np.array([_value(problem, name) for name in problem.names[len(problem.free) :]])
+        self.rows = [row for keep in problem.keep for row in self._rows(keep, first.values)]
+        slopes = np.abs(self._slope(first)) * self.width
+        self.size = max(abs(self.objective(first)), float(slopes.max(initial=0.0)), 1e-300)
+
+    def _rows(self, keep: Keep, values: Mapping[str, float]) -> list[Row]:
+        rows = []
+        for key in keep.keys(values):
+            words = label(keep.quantity, self.problem.case.cm) if key == keep.quantity.key else key
+            for sign, limit in ((-1.0, keep.at_least), (1.0, keep.at_most)):
+                if limit is not None:
+                    scale = abs(limit) or abs(values[key]) or 1.0
+                    rows.append(Row(keep, key, sign, limit, scale, words))
+        return rows
+
+    # -- between scaled and SI ------------------------------------------------------------------------------------------
+
+    def theta(self, x: Array) -> Array:
+        """Values of the problem's `names` in SI units of scaled parameters."""
+        ends = np.where(x >= 1.0, self.low + self.width, self.low + x * self.width)
+        return np.concatenate([np.where(x <= 0.0, self.low, ends), self.rest])
+
+    def x(self, theta: Array) -> Array:
+        """The reverse."""
+        return np.asarray((theta[: len(self.low)] - self.low) / self.width)
+
+    # -- what a trial is worth --------------------------------------------------------------------------------------------
+
+    def objective(self, trial: Trial) -> float:
+        """Value of what is made large or small, SI unit."""
+        return sum(term.weight * trial.values[term.quantity.key] for term in self.problem.terms)
+
+    def _slope(self, trial: Trial) -> Array:
+        """Its gradient by the free parameters."""
+        count = len(self.problem.free)
+        parts = [term.weight * np.asarray(trial.gradients[term.quantity.key])[:count] for term in self.problem.terms]
+        return np.asarray(np.sum(parts, axis=0))
+
+    def allowances(self, trial: Trial) -> Array:
+        """What tolerances and the material's errors take of each limit with 95 %, SI units, shape (rows,)."""
+        return np.array([SURE * self.spread.sigma(trial, row.key) for row in self.rows])
+
+    def violations(self, trial: Trial, allowances: Array | None = None) -> Array:
+        """How far each limit is passed, in its scale; below zero where it is kept. Shape (rows,)."""
+        taken = self.allowances(trial) if allowances is None else allowances
+        return np.array(
+            [
+                (row.sign * (trial.values[row.key] - row.limit) + allowance) / row.scale
+                for row, allowance in zip(self.rows, taken, strict=True)
+            ]
+        )
+
+    def worst(self, trial: Trial) -> tuple[float, Row | None]:
+        """The largest violation and its limit."""
+        if not self.rows:
+            return 0.0, None
+        found = self.violations(trial)
+        k = int(np.argmax(found))
+        return float(found[k]), self.rows[k]
+
+    def feasible(self, trial: Trial) -> bool:
+        """Whether it could be judged and keeps every limit."""
+        return not trial.failed and self.worst(trial)[0] <= 1e-9
+
+    def scaled(self, trial: Trial, allowances: Array) -> Scaled:
+        """The search's numbers, with fixed allowances: the derivative of a standard deviation is left out."""
+        count = len(self.problem.free)
+        slopes = [row.sign / row.scale * np.asarray(trial.gradients[row.key])[:count] * self.width for row in self.rows]
+        sign = self.problem.sign / self.size
+        return Scaled(
+            sign * self.objective(trial), sign * self._slope(trial) * self.width,
+            self.violations(trial, allowances) + INSIDE, np.array(slopes).reshape(len(self.rows), count),
+        )  # fmt: skip
+
+    def better(self, trial: Trial, than: Trial | None) -> bool:
+        """Whether a design is to be preferred: one that keeps all limits, then the objective, then the least violation."""
+        if than is None or than.failed:
+            return not trial.failed
+        if trial.failed:
+            return False
+        mine, other = self.feasible(trial), self.feasible(than)
+        if mine != other:
+            return mine
+        if mine:
+            return self.problem.sign * (self.objective(trial) - self.objective(than)) < 0.0
+        return self.worst(trial)[0] < self.worst(than)[0]
+
+    def best(self, trials: list[Trial]) -> Trial | None:
+        """The best of some trials; None if none could be judged."""
+        found: Trial | None = None
+        for trial in trials:
+            if not trial.failed and self.better(trial, found):
+                found = trial
+        return found
+
+
+def _value(problem: DesignProblem, name: str) -> float:
+    from geometries.parameters import parameter
+
+    return parameter(problem.case.actuator, name)

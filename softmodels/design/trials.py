@@ -1,0 +1,99 @@
+"""Designs that were evaluated: none twice, each kept as soon as it is known."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trial:
+    """A design with its values.
+
+    Attributes:
+        number: Counted from 1.
+        start: Of which start, counted from 1.
+        theta: Values of the problem's `names`, SI units.
+        values: By the keys of the quantities; empty of a failure.
+        gradients: By key, by the problem's `names`.
+        material_gradients: By key and parameter of the law; empty where they are not known.
+        newton: Newton iterations.
+        seconds: What it took.
+        quality: Of the worst cell against the mesh as made.
+        remeshed: Whether it was meshed anew.
+        notes: What has to be known of the values.
+        failure: Why it could not be judged; empty if it could.
+    """
+
+    number: int
+    start: int
+    theta: tuple[float, ...]
+    values: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    gradients: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
+    material_gradients: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    newton: int = 0
+    seconds: float = 0.0
+    quality: float = 1.0
+    remeshed: bool = False
+    notes: tuple[str, ...] = ()
+    failure: str = ""
+
+    @property
+    def failed(self) -> bool:
+        return bool(self.failure)
+
+    def to_json(self) -> str:
+        """All of it, numbers to the last bit."""
+        return json.dumps(dataclasses.asdict(self), indent=1)
+
+    @classmethod
+    def from_json(cls, text: str) -> Trial:
+        """What `to_json` has written.
+
+        Raises:
+            ValueError: It is something else.
+        """
+        told = json.loads(text)
+        try:
+            return cls(**{**told, "theta": tuple(map(float, told["theta"])), "notes": tuple(told["notes"])})
+        except (TypeError, KeyError, AttributeError) as error:
+            raise ValueError(str(error)) from None
+
+    @classmethod
+    def of(cls, number: int, start: int, theta: Array, evaluated: Any, seconds: float) -> Trial:
+        """An `Evaluation` as it is kept."""
+        return cls(
+            number, start, tuple(map(float, theta)),
+            {key: float(value) for key, value in evaluated.values.items()},
+            {key: [float(slope) for slope in slopes] for key, slopes in (evaluated.gradients or {}).items()},
+            {key: {name: float(slope) for name, slope in slopes.items()}
+             for key, slopes in (getattr(evaluated, "material_gradients", None) or {}).items()},
+            int(evaluated.newton), seconds, float(evaluated.quality), bool(evaluated.remeshed), tuple(evaluated.notes),
+        )  # fmt: skip
+
+
+class Trials:
+    """All trials of a run, in memory; see `softmodels.design.folder` for those on disk."""
+
+    def __init__(self) -> None:
+        self.all: list[Trial] = []
+        self._known: dict[bytes, Trial] = {}
+
+    def add(self, trial: Trial) -> None:
+        self.all.append(trial)
+        self._known[_bits(trial.theta)] = trial
+
+    def find(self, theta: Sequence[float] | Array) -> Trial | None:
+        """The trial of these values to the last bit; None if there was none."""
+        return self._known.get(_bits(theta))
+
+
+def _bits(theta: Sequence[float] | Array) -> bytes:
+    return (np.asarray(theta, dtype=float) + 0.0).tobytes()  # + 0.0: -0.0 is 0.0
