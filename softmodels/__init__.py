@@ -37,6 +37,10 @@ _PLACES = {
     "softmodels.path.air_supply": ("SupplyError",),
     "softmodels.path.syringe": ("Syringe",),
     "softmodels.case.case": ("Case", "CaseError"),
+    "softmodels.design.asked": ("Keep",),
+    "softmodels.design.errors": ("DesignError",),
+    "softmodels.design.optimise": ("optimise",),
+    "softmodels.design.problem": ("DesignProblem",),
     "softmodels.fitting.problem": ("FitError",),
     "softmodels.fitting.options": ("FitOptions",),
     "softmodels.fitting.outlines.fit_device": ("fit", "fit_heights"),
@@ -65,6 +69,10 @@ if TYPE_CHECKING:
     from measurement.own_folder import OwnFolderError as OwnFolderError
     from softmodels.case.case import Case as Case
     from softmodels.case.case import CaseError as CaseError
+    from softmodels.design.asked import Keep as Keep
+    from softmodels.design.errors import DesignError as DesignError
+    from softmodels.design.optimise import optimise as optimise
+    from softmodels.design.problem import DesignProblem as DesignProblem
     from softmodels.fitting.curves.fit_curves import fit_curves as fit_curves
     from softmodels.fitting.options import FitOptions as FitOptions
     from softmodels.fitting.outlines.fit_device import fit as fit

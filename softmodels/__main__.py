@@ -18,6 +18,7 @@ with stoppable("softmodels", speaks):
     from softmodels.cli.case_options import taken
     from softmodels.cli.curve_command import curve
     from softmodels.cli.demo import demo
+    from softmodels.cli.design import design
     from softmodels.cli.examples import examples
     from softmodels.cli.fit_command import fit_material
     from softmodels.cli.score_command import score
@@ -33,6 +34,7 @@ def softmodels() -> None:
     python -m softmodels.disk --help    the disk actuator
     softmodels run case.toml            repeat a run from its case file
     softmodels limit --help             how much pressure a design can bear
+    softmodels design problem.toml      the device that does best what is asked for, within its limits
     softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
     softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
@@ -81,6 +83,7 @@ softmodels.add_command(fit_material)
 softmodels.add_command(curve)
 softmodels.add_command(score)
 softmodels.add_command(silicones)
+softmodels.add_command(design)
 softmodels.add_command(demo)
 softmodels.add_command(examples)
 

@@ -177,7 +177,7 @@ class Reader:
             if unit == "cm":
                 return _positive(amount * self.case.cm, value, where)
             if unit and _is_volume(value):
-                from softmodels.design.loads import VOLUME, Load
+                from softmodels.design.loads import VOLUME, Load  # type: ignore[import-not-found]
 
                 return Load(VOLUME, _positive(quantity(value, "m^3"), value, where))
             return _positive(quantity(value, "Pa"), value, where)

@@ -97,9 +97,8 @@ def free_parameters(device: Actuator, table: Mapping[str, object], bare: bool = 
         DesignError: Names or bounds that cannot be meant.
     """
     if not table:
-        raise DesignError(
-            'no parameter is free; name some with their bounds, such as membrane = { from = "1 mm", to = "3 mm" }'
-        )
+        example = '[parameters] membrane = { from = "1 mm", to = "3 mm" }'
+        raise DesignError(f"no parameter is free; name some with their bounds, such as {example}")
     found: dict[str, Free] = {}
     for name, bounds in sorted(
         table.items(), key=lambda item: "[" in item[0]
@@ -107,12 +106,12 @@ def free_parameters(device: Actuator, table: Mapping[str, object], bare: bool = 
         low, high = _bounds(name, bounds)
         for one in expanded(device, name):
             unit = unit_of(device, one)
-            ends = [read(f"{one} {what}", end, unit, bare) for what, end in (("from", low), ("to", high))]
-            found[one] = Free(one, *ends, parameter(device, one), unit)
+            least, most = (read(f"{one} {what}", end, unit, bare) for what, end in (("from", low), ("to", high)))
+            found[one] = Free(one, least, most, parameter(device, one), unit)
     order = {name: place for place, name in enumerate(parameter_names(device))}
     free = tuple(sorted(found.values(), key=lambda one: order[one.name]))
-    for one in free:
-        _check(device, one)
+    for parameter_ in free:
+        _check(device, parameter_)
     return free
 
 

@@ -86,7 +86,7 @@ def holding(form: Formulation, trial: Trial) -> Holding:
             sentence = "" if infeasible else _limit_sentence(form, row, float(multipliers[place]))
             found.append(Holder(row.text, float(multipliers[place]), sentence, row))
         else:
-            found.append(_bound(form, *bounds[place - len(rows)], float(multipliers[place]), infeasible))
+            found.append(_bound(form, bounds[place - len(rows)], float(multipliers[place]), infeasible))
     if infeasible:
         found = _trades(found)
     return Holding(tuple(found), rest <= BALANCED * size)
@@ -118,13 +118,12 @@ def _limit_sentence(form: Formulation, row: Row, multiplier: float) -> str:
     )
 
 
-def _bound(form: Formulation, place: int, sign: float, multiplier: float, infeasible: bool) -> Holder:
-    one = form.problem.free[place]
-    words = (
-        f"{one.name} is at its {'upper' if sign > 0 else 'lower'} bound, {one.text(one.high if sign > 0 else one.low)}"
-    )
+def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infeasible: bool) -> Holder:
+    one, sign = form.problem.free[bound[0]], bound[1]
+    end = one.text(one.high if sign > 0 else one.low)
     if infeasible:
-        return Holder(words, multiplier, words)
+        return Holder(f"{one.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, "")
+    words = f"{one.name} is at its {'upper' if sign > 0 else 'lower'} bound, {end}"
     shown, unit = shown_unit(one.unit) or "1", one.unit or "1"
     step = _round(0.1 * one.width / factor(shown, unit)) * factor(shown, unit)
     gain = _gain(form, form.size * multiplier * step / one.width)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from geometries import GeometryError
+from geometries import GeometryError, MeshingError
 from measurement.own_folder import OwnFolderError
 from softmodels.design.errors import DesignError, DesignFailure, DesignStopped
 from softmodels.design.folder import DesignFolder, line
@@ -23,7 +23,7 @@ from softmodels.design.result import DesignResult, StartEnd
 from softmodels.design.search import search
 from softmodels.design.starts import further_starts
 from softmodels.design.trials import Trial, Trials
-from softmodels.mechanics.mpi import is_root, on_root, start
+from softmodels.mechanics.mpi import on_root, start
 from softmodels.results.outcomes import NO_EQUILIBRIUM, RunError
 
 if TYPE_CHECKING:
@@ -88,39 +88,52 @@ def optimise(problem: DesignProblem | str | Path, folder: str | Path | None = No
     """
     whole = problem if isinstance(problem, DesignProblem) else DesignProblem.from_file(Path(problem))
     comm = start()
-    kept = on_root(comm, lambda: _open(whole, folder, how, is_root(comm)))
-    return run_in(whole, kept, comm, **how)
+    kept = None if folder is None else open_folder(whole, Path(folder), comm, how)
+    try:
+        return run_in(whole, kept, comm, **how)
+    finally:
+        if kept is not None:
+            kept.leave()
 
 
-def _open(problem: DesignProblem, folder: str | Path | None, how: How, here: bool) -> Any:
-    if folder is None:
-        return None
-    return DesignFolder(problem, Path(folder), how.get("resume", False), how.get("inputs", ()))
+def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: How) -> DesignFolder | None:
+    """The folder of an optimisation, on rank 0; None elsewhere.
+
+    Args:
+        problem: The problem.
+        output: The folder; None for the default.
+        comm: MPI communicator.
+        how: Whether to go on, and files that are read.
+
+    Raises:
+        DesignError: It cannot be used; on all ranks.
+    """
+    taken: list[DesignFolder] = []
+
+    def take() -> None:
+        taken.append(DesignFolder(problem, output, how.get("resume", False), how.get("inputs", ())))
+
+    on_root(comm, take)
+    return taken[0] if taken else None
 
 
 def run_in(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[How]) -> DesignResult:
-    """The same into a folder that was taken already (on rank 0)."""
-    from geometries.errors import MeshFileError, MeshingError  # noqa: F401
-
+    """The same into a folder that was taken already, which stays taken; see `open_folder`."""
     make = how.get("model", _model)
     try:
-        try:
-            model = make(problem, comm)
-        except ValueError as error:  # a quantity that this device does not have
-            raise DesignError(str(error)) from None
-        try:
-            return _Run(problem, model, folder, comm, how).result()
-        finally:
-            release = getattr(model, "release", None)
-            if release is not None:
-                release()
+        model = make(problem, comm)
+    except ValueError as error:  # a quantity that this device does not have
+        raise DesignError(str(error)) from None
+    try:
+        return _Run(problem, model, folder, comm, how).result()
     finally:
-        if folder is not None:
-            folder.leave()
+        release = getattr(model, "release", None)
+        if release is not None:
+            release()
 
 
 def _model(problem: DesignProblem, comm: MPI.Comm) -> Any:
-    from softmodels.design.model import DesignModel
+    from softmodels.design.model import DesignModel  # type: ignore[import-not-found]
 
     return DesignModel(problem.case, problem.names, problem.quantities, comm)
 
@@ -172,7 +185,7 @@ class _Run:
         try:
             evaluated = self.model.evaluate(theta)
             made = Trial.of(number, self.start, theta, evaluated, time.monotonic() - begun)
-        except (DesignFailure, GeometryError) as error:
+        except (DesignFailure, GeometryError, MeshingError) as error:
             made = Trial(
                 number, self.start, tuple(map(float, theta)), seconds=time.monotonic() - begun, failure=str(error)
             )
@@ -203,8 +216,8 @@ class _Run:
         """Search from every start, judge and confirm the best design."""
         ends, stopped = list[StartEnd](), False
         try:
-            for self.start, x in self._starts():
-                self.visited = set()
+            for number, x in self._starts():
+                self.start, self.visited = number, set()
                 ends.append(self._followed(x))
         except DesignStopped:
             stopped = True
@@ -281,7 +294,8 @@ class _Run:
 
     def _limit(self) -> str:
         """Where the device as given has its limit, for the message."""
-        if "limit" in self.trials.all[0].failure and "cm" in self.trials.all[0].failure or "model" in self.how:
+        why = self.trials.all[0].failure
+        if ("limit" in why and "cm" in why) or "model" in self.how:
             return ""
         from softmodels.results.limits import find_limit
 
@@ -313,6 +327,6 @@ class _Run:
         """Values on a fresh mesh, and why there are none."""
         try:
             found = self.model.confirm(np.array(best.theta), self.how.get("finer", 1.0))
-        except (DesignFailure, GeometryError) as error:
+        except (DesignFailure, GeometryError, MeshingError) as error:
             return {}, f"on a fresh mesh the design could not be confirmed: {error}"
         return {key: float(value) for key, value in found.values.items()}, ""

@@ -168,7 +168,7 @@ class DesignProblem:
 
 
 def _registry() -> Mapping[str, type]:
-    from softmodels.design.quantities.base import QUANTITIES
+    from softmodels.design.quantities.base import QUANTITIES  # type: ignore[import-not-found]
 
     return QUANTITIES
 

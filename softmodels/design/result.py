@@ -19,7 +19,7 @@ from softmodels.design.tolerances import SURE
 from softmodels.design.trials import Trial
 
 SAME_VALUE, SAME_PLACE = 0.01, 0.05
-"""Starts agree if their ends differ by less than these shares: of the objective, and of the width of each parameter's bounds."""
+"""Starts agree if their ends differ by less than these shares: of the objective, or of each parameter's bounds' width."""
 FRESH = 0.02
 """Share by which a value on the fresh mesh may differ before it is warned of."""
 
@@ -84,6 +84,11 @@ class DesignResult:
         return changed(self.problem.case.actuator, self.parameters)
 
     @property
+    def given(self) -> Case:
+        """The case of the device as given."""
+        return dataclasses.replace(self.problem.case, name=self.problem.name)
+
+    @property
     def case(self) -> Case:
         """The case of the best device."""
         return case_of(self.problem, self.best)
@@ -127,8 +132,18 @@ class DesignResult:
             if not holders and self.holding.balanced:
                 return ["no limit holds it back: no small change is better"]
             return [one.sentence for one in holders]
-        held = " and ".join(one.words for one in holders) or "the limits"
-        told = [f"the request cannot be met, and this is the nearest design: {held} exclude each other"]
+        held = [one.words for one in holders]
+        what = (
+            f"{' and '.join(held)} exclude each other"
+            if len(held) > 1
+            else f"{' '.join(held) or 'its limits'} cannot be kept"
+        )
+        told = [f"the request cannot be met, and this is the nearest design: {what}"]
+        failed = sum(trial.failed for trial in self.trials)
+        if failed and not self.holding.balanced:
+            told.append(
+                f"{failed} designs around it have no state at the pressures they are asked at, which holds it back too"
+            )
         return told + [one.sentence for one in holders if one.sentence and one.sentence != one.words]
 
     @property

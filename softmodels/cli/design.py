@@ -1,0 +1,182 @@
+"""``softmodels design``: from what a device should do to the device."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from geometries import MeshFileError, MeshingError
+from geometries.apart import interpreter
+from measurement.ending import STOPPED, asked_to_stop, stoppable
+from measurement.output_option import FolderType
+from measurement.own_folder import OwnFolderError
+from softmodels.case.own_modules import VARIABLE, own_modules
+from softmodels.cli.options import fail
+from softmodels.design.errors import DesignError
+from softmodels.design.problem import DesignProblem
+from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start
+from softmodels.results.outcomes import DONE, FAILED, NO_EQUILIBRIUM, NO_MEMORY, RunError
+from softmodels.runs.progress import Progress
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from softmodels.design.folder import DesignFolder
+    from softmodels.design.optimise import How
+    from softmodels.design.result import DesignResult
+
+FINER = 2.0
+"""How many times smaller the cells of one level finer are."""
+
+
+@click.command("design", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/NAME; results/NAME-2 "
+              "and so on where that holds another problem]")  # fmt: skip
+@click.option("--resume", is_flag=True, help="Go on from an interrupted run; no design is evaluated again.")
+@click.option("--starts", type=click.IntRange(1, 50), default=1, show_default=True, help="Searches: from the device as given, "
+              "then from devices spread over the bounds.")  # fmt: skip
+@click.option(
+    "--evaluations", type=click.IntRange(1, 1000), default=40, show_default=True, help="Most designs of one start."
+)
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the further starts.")
+@click.option(
+    "--confirm-finer", is_flag=True, help="Confirm the design on a mesh one level finer: cells half as large."
+)
+@click.option("--no-pictures", is_flag=True, help="Leave the runs before and after, the pictures and the report out.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def design(file: Path, **options: Any) -> None:
+    """Find the device that does best what a problem FILE asks for, within its limits.
+
+    The file names a case, the parameters that may change with their bounds, what is to be made large or small (maximise,
+    minimise) or a motion to be followed (follow), and what must hold (keep). Each design that is evaluated is kept in
+    iterates.csv and the folder iterates, whose cases can be run; design.toml is the best so far, whatever ends the program.
+    At the end the best design's whole path is solved on a fresh mesh, and that is what is reported.
+
+    \b
+    Examples:
+      softmodels design more-lift.toml
+      softmodels design more-lift.toml --starts 3 --confirm-finer --output results/lift
+      mpirun -n 2 softmodels design more-lift.toml --resume
+      softmodels run results/lift/design.toml
+
+    \b
+    Exit status: 0 done; 1 failed; 2 bad input; 3 the request cannot be met (the nearest design and what excludes each other are
+    reported), or the device as given has no state at a pressure it is asked at; 130 stopped.
+    """
+    try:
+        problem = DesignProblem.from_file(file)
+    except DesignError as error:
+        fail(str(error))
+    with stoppable("softmodels", speaks):
+        from softmodels.design.optimise import open_folder
+
+        comm = start()
+    abort_on_error(comm)
+    how: How = {
+        "starts": options["starts"], "evaluations": options["evaluations"], "seed": options["seed"],
+        "resume": options["resume"], "finer": FINER if options["confirm_finer"] else 1.0, "inputs": [file],
+    }  # fmt: skip
+    try:
+        folder = open_folder(problem, options["output"], comm, how)
+    except DesignError as error:
+        fail(str(error))
+    try:
+        status = _design(problem, folder, comm, how, options)
+    finally:
+        if folder is not None:
+            folder.leave()
+    sys.exit(status)
+
+
+def _design(
+    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, how: How, options: dict[str, Any]
+) -> int:
+    """Optimise, report, draw; the exit status."""
+    from petsc4py import PETSc
+
+    from softmodels.design.optimise import run_in
+
+    quiet = options["quiet"] or not is_root(comm)
+    progress = Progress(1.0, "", "", quiet)
+    if folder is not None:
+        progress.say(f"results go to {folder.path}")
+    for note in problem.notes:
+        progress.say(f"note: {note}")
+    try:
+        with asked_to_stop() as stopped:
+            how["progress"], how["stopped"] = progress.say, stopped
+            result = run_in(problem, folder, comm, **how)
+    except DesignError as error:
+        fail(str(error))
+    except RunError as error:
+        fail(str(error), error.status)
+    except (MeshingError, MeshFileError) as error:
+        fail(str(error), FAILED)
+    except PETSc.Error as error:
+        fail(f"PETSc stopped ({petsc_reason(error)}); what was evaluated is kept, go on with --resume", FAILED)
+    except MemoryError:
+        fail(NO_MEMORY, FAILED)
+    except (OwnFolderError, OSError) as error:
+        fail(f"the designs cannot be written ({error}); go on with --resume", FAILED)
+    return _close(result, folder, comm, quiet, options["no_pictures"])
+
+
+def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, no_pictures: bool) -> int:
+    """Write the summary, run the device before and after, draw, and say how it ended."""
+    from softmodels.design.summary import FILE, notes, summary
+
+    if folder is not None:
+        folder.write({FILE: summary(result)})
+    drawn = False
+    if not (no_pictures or result.stopped):
+        drawn = _drawn(result, folder, comm, quiet)
+    status = STOPPED if result.stopped else FAILED if result.trouble else DONE if result.feasible else NO_EQUILIBRIUM
+    if not is_root(comm) or folder is None:
+        return status
+    if result.trouble or not result.feasible:
+        print(f"softmodels: {result.trouble or result.reasons[0]}", file=sys.stderr)
+    if not quiet:
+        told = [*result.missed, *result.reasons[0 if result.feasible else 1 :], *result.margins, *result.confirmation]
+        print(result.headline)
+        for text in [*told, *filter(None, [result.agreement]), *(f"note: {note}" for note in notes(result))]:
+            print(f"  {text}")
+        more = "; before/ and after/ are the runs, report.html has the pictures" if drawn else ""
+        print(f"{folder.path}: design.toml is the device found, iterates.csv has all designs{more}")
+    return status
+
+
+def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool) -> bool:
+    """Run the device before and after, and draw both; whether there are pictures."""
+    from softmodels.cli.run import run
+    from softmodels.pictures.design_files import FILES
+
+    assert result.folder is not None
+    if folder is not None:
+        folder.own.claim(["before/", "after/", *FILES])
+        if not quiet:
+            print("running the device before and after, and drawing (--no-pictures leaves this out)", file=sys.stderr)
+    for name, case in (("before", result.given), ("after", result.case)):
+        status = run(case, result.folder / name, quiet=True, draw=False, interrupts=asked_to_stop)
+        if status not in (DONE, NO_EQUILIBRIUM):
+            return False
+    return bool(on_root(comm, lambda: _draw(result)))
+
+
+def _draw(result: DesignResult) -> bool:
+    """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5."""
+    case = result.problem.case
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
+    inherited[VARIABLE] = own_modules(case.actuator, case.material, case.supply)
+    command = [*interpreter(), "-m", "softmodels.pictures.draw_design", str(result.folder)]
+    done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
+    if done.returncode == 0:
+        return True
+    reason = (done.stderr or done.stdout).strip().splitlines() or [f"exit status {done.returncode}"]
+    print(f"softmodels: the pictures could not be drawn ({reason[-1]}); the design is complete", file=sys.stderr)
+    return False

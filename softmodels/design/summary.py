@@ -1,0 +1,88 @@
+"""A result as plain numbers and sentences, for ``design.json``, from which pictures and report are made."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from softmodels.design.asked import label, shown, shown_factor
+from softmodels.design.result import DesignResult
+from softmodels.design.units import factor, shown_unit
+
+FILE = "design.json"
+
+
+def summary(result: DesignResult) -> str:
+    """The text of ``design.json``."""
+    return json.dumps(
+        {
+            "name": result.problem.name,
+            "headline": result.headline,
+            "feasible": result.feasible,
+            "stopped": result.stopped,
+            "best": result.best.number,
+            "missed": result.missed,
+            "reasons": result.reasons,
+            "agreement": result.agreement,
+            "confirmation": result.confirmation,
+            "finer": result.finer,
+            "trouble": result.trouble,
+            "margins": result.margins,
+            "notes": notes(result),
+            "parameters": _parameters(result),
+            "objective": _objective(result),
+            "limits": _limits(result),
+            "trials": [
+                {"number": trial.number, "start": trial.start, "failure": trial.failure, "newton": trial.newton,
+                 "seconds": trial.seconds}
+                for trial in result.trials
+            ],
+        },
+        indent=1,
+    )  # fmt: skip
+
+
+def notes(result: DesignResult) -> list[str]:
+    """What a reader has to know beside the numbers."""
+    told = [*result.problem.notes, *result.best.notes]
+    told += [f"start {one.start} ended {one.why}" for one in result.ends if one.why]
+    if result.feasible and not result.holding.balanced:
+        told.append("the search ended before an optimum: more evaluations (--evaluations) may find a better design")
+    errors = result.problem.material_errors
+    if errors is not None:
+        told.append(f"errors of the material: {errors.how}")
+        if not any(trial.material_gradients for trial in result.trials):
+            told.append(
+                "how the values change with the material is not known here, so its errors are left out of the margins"
+            )
+    return told
+
+
+def _parameters(result: DesignResult) -> list[dict[str, Any]]:
+    told = []
+    for k, one in enumerate(result.problem.free):
+        unit = shown_unit(one.unit)
+        per = factor(unit or "1", one.unit or "1")
+        ends = {"low": one.low, "high": one.high, "before": one.start, "after": result.best.theta[k]}
+        told.append({"name": one.name, "unit": unit, **{name: value / per for name, value in ends.items()}})
+    return told
+
+
+def _objective(result: DesignResult) -> dict[str, Any]:
+    """What is made large or small, over all trials; None where a trial failed."""
+    form, asked = result.form, result.problem.terms[0].quantity
+    words = label(asked, result.problem.case.cm) if len(result.problem.terms) == 1 else f"mean {asked.title}"
+    return {
+        "words": words, "unit": "" if shown(asked) == "1" else shown(asked), "sense": result.problem.objective,
+        "values": [None if trial.failed else form.objective(trial) / shown_factor(asked) for trial in result.trials],
+    }  # fmt: skip
+
+
+def _limits(result: DesignResult) -> list[dict[str, Any]]:
+    """Each limit with how far it is passed over all trials, as a share of it."""
+    form = result.form
+    violations = [None if trial.failed else form.violations(trial) for trial in result.trials]
+    return [
+        {"words": row.text, "passed": [None if found is None else float(found[k]) for found in violations]}
+        for k, row in enumerate(form.rows)
+    ]

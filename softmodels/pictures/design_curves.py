@@ -1,0 +1,149 @@
+"""Curves of a design: both paths, the history of the search, the parameters before and after. They need no rendering."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from softmodels.pictures.path_curves import limits, smooth
+from softmodels.pictures.style import BRANCH, CURVE, DPI, FAINT, INK, WARNING, WIDTH, wrapped
+from softmodels.results.row import Row
+
+SHOWN_LIMITS = 7
+"""Most limits with a curve of their own in the history: those that come nearest."""
+BEFORE, AFTER = BRANCH, CURVE
+COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
+DEEPEST = -0.6
+"""Lowest share of a limit that the history shows: what is further inside says no more."""
+
+
+def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
+    """The gauge's rise over the pressure, as given and in the design.
+
+    Args:
+        before, after: Rows of ``path.csv``.
+        gauge: The device's `Actuator.gauge`.
+        pascal_per_cm: Pa in one cm of the column.
+    """
+    figure = Figure((WIDTH, 6.2), dpi=DPI, layout="constrained")
+    axes, column = figure.subplots(), f"{gauge}_mm"
+    for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
+        places = np.array([[row["pressure_cm"], row[column]] for row in rows])
+        axes.plot(*smooth(places).T, color=colour, label=words)
+        axes.plot(*places.T, "o", color=colour, markersize=3.5)
+        asked = places[[bool(row["requested"]) for row in rows]]
+        axes.plot(*asked.T, "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
+        if len(asked):
+            x, y = asked[-1]
+            axes.annotate(f"{y:.4g} mm", (x, y), xytext=(-12, -3), textcoords="offset points", color=colour, ha="right")
+        for row in limits(rows):
+            axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9,
+                      label=f"limit point, {words}: {row['pressure_cm']:.4g} cm")  # fmt: skip
+    axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
+    axes.margins(0.06)
+    k = pascal_per_cm / 1e3
+    convert: Any = (lambda column: column * k, lambda pressure: pressure / k)
+    axes.secondary_xaxis("top", functions=convert).set_xlabel("pressure in kPa", labelpad=8)
+    axes.legend(loc="best")
+    return figure
+
+
+def history(told: Mapping[str, Any]) -> Figure:
+    """What is asked for and the limits, over the designs in the order of their evaluation; ``told`` is ``design.json``."""
+    figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
+    top, below = figure.subplots(2, sharex=True)
+    trials, objective = told["trials"], told["objective"]
+    numbers = np.array([trial["number"] for trial in trials])
+    values = np.array([np.nan if value is None else value for value in objective["values"]], dtype=float)
+    worst = np.array(
+        [max((limit["passed"][k] for limit in told["limits"]), default=0.0) if np.isfinite(value) else np.nan
+         for k, value in enumerate(values)], dtype=float,
+    )  # fmt: skip
+    kept = worst <= 1e-9
+    starts = np.array([trial["start"] for trial in trials])
+    for start in dict.fromkeys(starts):
+        mine = starts == start
+        top.plot(numbers[mine], values[mine], "-", color=FAINT, linewidth=1.2)
+    top.plot(numbers[kept], values[kept], "o", color=CURVE, markersize=7, label="all limits kept")
+    passed = ~kept & np.isfinite(values)
+    if passed.any():
+        top.plot(numbers[passed], values[passed], "o", color=WARNING, mfc="white", markersize=7, label="a limit passed")
+    best = numbers == told["best"]
+    top.plot(numbers[best], values[best], "o", color=CURVE, mfc="none", markersize=14, label="the design")
+    _failures(top, below, trials)
+    _limit_curves(below, told, numbers, starts)
+    unit = f" in {objective['unit']}" if objective["unit"] else ""
+    top.set_ylabel(wrapped(f"{objective['words']}{unit}", 3.6, 12))
+    top.legend(loc="best")
+    below.set(xlabel="design", ylabel=f"share by which a limit is passed (from {DEEPEST:g} on)")
+    below.xaxis.get_major_locator().set_params(integer=True)
+    return figure
+
+
+def _failures(top: Any, below: Any, trials: Sequence[Mapping[str, Any]]) -> None:
+    """Designs without a state, and where starts begin, as lines across both panels."""
+    label = "no state or no device"
+    for trial in trials:
+        if trial["failure"]:
+            top.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4, label=label)
+            below.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4)
+            label = ""
+    for before, after in itertools.pairwise(trials):
+        if after["start"] != before["start"]:
+            for axes in (top, below):
+                axes.axvline(after["number"] - 0.5, color=INK, linewidth=0.8)
+            top.annotate(f"start {after['start']}", (after["number"] - 0.4, 1.0), xycoords=("data", "axes fraction"),
+                         va="top", fontsize=10, color=INK)  # fmt: skip
+
+
+def _limit_curves(axes: Any, told: Mapping[str, Any], numbers: Any, starts: Any) -> None:
+    axes.axhline(0.0, color=INK, linewidth=1.2)
+    nearest = sorted(
+        told["limits"], key=lambda limit: -max([v for v in limit["passed"] if v is not None], default=-np.inf)
+    )
+    for k, limit in enumerate(nearest[:SHOWN_LIMITS]):
+        passed = np.array([np.nan if value is None else max(value, DEEPEST) for value in limit["passed"]], dtype=float)
+        for n, start in enumerate(dict.fromkeys(starts)):
+            mine = starts == start
+            axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=COLOURS[k % len(COLOURS)],
+                      label=wrapped(limit["words"], 4.4, 10) if n == 0 else "")  # fmt: skip
+    if not nearest:
+        axes.annotate("no limits were asked for", (0.5, 0.5), xycoords="axes fraction", ha="center", color=FAINT)
+        return
+    axes.legend(loc="best", fontsize=9.5)
+    if len(nearest) > SHOWN_LIMITS:
+        axes.set_title(f"the {SHOWN_LIMITS} nearest of {len(nearest)} limits", fontsize=11)
+
+
+def parameters(told: Sequence[Mapping[str, Any]]) -> Figure:
+    """Each free parameter between its bounds, before and after."""
+    figure = Figure((WIDTH, 1.5 + 0.62 * len(told)), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    for k, one in enumerate(told):
+        width = one["high"] - one["low"]
+        before, after = ((one[name] - one["low"]) / width for name in ("before", "after"))
+        axes.plot([0, 1], [k, k], color=FAINT, linewidth=1.2)
+        axes.plot([0, 1], [k, k], "|", color=FAINT, markersize=14)
+        axes.annotate(
+            "", (after, k), (before, k), arrowprops={"arrowstyle": "-|>", "color": AFTER, "mutation_scale": 15}
+        )
+        axes.plot(
+            before, k, "o", color=BEFORE, mfc="white", markersize=9, markeredgewidth=2, label="" if k else "as given"
+        )
+        axes.plot(after, k, "o", color=AFTER, markersize=8, label="" if k else "design")
+        axes.text(-0.02, k, f"{one['low']:.4g}", ha="right", va="center", fontsize=10, color=FAINT)
+        axes.text(1.02, k, f"{one['high']:.4g} {one['unit']}", ha="left", va="center", fontsize=10, color=FAINT)
+        text = f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}"
+        axes.text(0.5, k - 0.3, text, ha="center", va="center", fontsize=10, color=INK)
+    axes.set_yticks(range(len(told)), [one["name"] for one in told])
+    axes.set(xlim=(-0.16, 1.2), ylim=(len(told) - 0.4, -0.75), xticks=[])
+    axes.grid(False)
+    axes.tick_params(axis="y", length=0)
+    for side in ("top", "right", "bottom", "left"):
+        axes.spines[side].set_visible(False)
+    axes.legend(loc="upper right", ncols=2, bbox_to_anchor=(1.0, 1.12 if len(told) < 4 else 1.04), frameon=False)
+    return figure
