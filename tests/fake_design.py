@@ -16,8 +16,8 @@ import numpy as np
 from geometries import GeometryError, HollowDisk, register
 from geometries.fields import length_field
 from geometries.parameters import changed, parameter
-from softmodels.design import optimise, problem
-from softmodels.design.errors import DesignFailure
+from softmodels.design import evaluator, problem
+from softmodels.design.evaluation import DesignFailure
 
 DENSITY = 1070.0
 
@@ -157,7 +157,9 @@ def start_of(case):
 def install(setattr_=setattr):
     """Put the fake in the place of finite elements."""
     setattr_(problem, "_registry", lambda: REGISTRY)
-    setattr_(optimise, "_model", lambda asked, comm: FakeModel(asked.case, asked.names, asked.quantities, comm))
+    setattr_(
+        evaluator, "_model", lambda asked, comm, report: FakeModel(asked.case, asked.names, asked.quantities, comm)
+    )
 
 
 if os.environ.get("FAKE_DESIGN"):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.design.folder import DesignFolder
-    from softmodels.design.optimise import How
+    from softmodels.design.how import How
     from softmodels.design.result import DesignResult
 
 FINER = 2.0

@@ -17,6 +17,10 @@ CLEARANCES = "clearances"
 """Name of the quantity that has a value for each wall."""
 
 
+MARGIN = "limit_margin"
+"""Name of the quantity that is over the highest pressure anything is asked at."""
+
+
 class Asked(Protocol):
     """A quantity as `softmodels.design.quantities` has them."""
 
@@ -177,7 +181,7 @@ class Reader:
             if unit == "cm":
                 return _positive(amount * self.case.cm, value, where)
             if unit and _is_volume(value):
-                from softmodels.design.loads import VOLUME, Load  # type: ignore[import-not-found]
+                from softmodels.design.loads import VOLUME, Load
 
                 return Load(VOLUME, _positive(quantity(value, "m^3"), value, where))
             return _positive(quantity(value, "Pa"), value, where)
@@ -223,7 +227,7 @@ def check_limits(keep: Keep, where: str) -> None:
             f"{where}: {asked.title} is to be at least {in_words(asked, low)} and at most {in_words(asked, high)}, "
             "which nothing is; exchange them"
         )
-    if asked.name == "limit_margin" and low is not None and low < 1.0:
+    if asked.name == MARGIN and low is not None and low < 1.0:
         raise DesignError(
             f"{where}: a limit margin of at least {low:g} is below 1, and a device that jumps before its working pressure has "
             "no state there; ask for more than 1, such as 1.3"

@@ -63,7 +63,8 @@ class Formulation:
     """
 
     def __init__(self, problem: DesignProblem, first: Trial):
-        self.problem, self.spread = problem, Spread(problem)
+        self.problem = problem
+        self.spread = Spread(problem.names, problem.tolerances, problem.material_errors)
         self.low = np.array([one.low for one in problem.free])
         self.width = np.array([one.width for one in problem.free])
         self.rest = np.array([_value(problem, name) for name in problem.names[len(problem.free) :]])

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import GeometryError, MeshingError
 from measurement.own_folder import OwnFolderError
-from softmodels.design.errors import DesignError, DesignFailure, DesignStopped
+from softmodels.design.errors import DesignError, DesignStopped
+from softmodels.design.evaluation import DesignFailure
+from softmodels.design.evaluator import evaluator
 from softmodels.design.folder import DesignFolder, line
 from softmodels.design.formulation import Formulation, Scaled
+from softmodels.design.how import EVALUATIONS, How
 from softmodels.design.multipliers import holding
 from softmodels.design.problem import DesignProblem
 from softmodels.design.result import DesignResult, StartEnd
@@ -29,43 +31,14 @@ from softmodels.results.outcomes import NO_EQUILIBRIUM, RunError
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+
 Array = npt.NDArray[np.float64]
-EVALUATIONS = 40
-"""Most evaluations of one start."""
 USUAL = 18
 """Evaluations that a start usually takes, for the time that is left."""
 PASSES = 4
 """Of a robust search: standard deviations are fixed while it goes on, and taken anew where it ended."""
 SETTLED = 0.02
 """Change of what they take, in shares of it, from which on a robust search has ended."""
-
-
-class How(TypedDict, total=False):
-    """How a problem is optimised; nothing of it changes a design's values.
-
-    Attributes:
-        starts: How many; the first is the device as given, the others are spread over the bounds.
-        evaluations: Most of one start.
-        seed: Of the further starts.
-        resume: Go on from the trials in the folder.
-        progress: Gets a line for each design.
-        stopped: Whether to stop, asked between evaluations.
-        confirm: Solve the best design's whole path on a fresh mesh at the end, which is the default.
-        finer: How much finer that mesh is.
-        inputs: Files that are read: they are never written.
-        model: Makes what evaluates designs from a problem and a communicator; `DesignModel` unless given.
-    """
-
-    starts: int
-    evaluations: int
-    seed: int
-    resume: bool
-    progress: Callable[[str], object]
-    stopped: Callable[[], bool]
-    confirm: bool
-    finer: float
-    inputs: Sequence[Path]
-    model: Callable[[DesignProblem, Any], Any]
 
 
 def optimise(problem: DesignProblem | str | Path, folder: str | Path | None = None, **how: Unpack[How]) -> DesignResult:
@@ -119,23 +92,13 @@ def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how
 
 def run_in(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[How]) -> DesignResult:
     """The same into a folder that was taken already, which stays taken; see `open_folder`."""
-    make = how.get("model", _model)
-    try:
-        model = make(problem, comm)
-    except ValueError as error:  # a quantity that this device does not have
-        raise DesignError(str(error)) from None
+    model = evaluator(problem, comm, how)
     try:
         return _Run(problem, model, folder, comm, how).result()
     finally:
         release = getattr(model, "release", None)
         if release is not None:
             release()
-
-
-def _model(problem: DesignProblem, comm: MPI.Comm) -> Any:
-    from softmodels.design.model import DesignModel  # type: ignore[import-not-found]
-
-    return DesignModel(problem.case, problem.names, problem.quantities, comm)
 
 
 class _EnoughError(Exception):
@@ -189,6 +152,10 @@ class _Run:
             made = Trial(
                 number, self.start, tuple(map(float, theta)), seconds=time.monotonic() - begun, failure=str(error)
             )
+        except ValueError as error:  # a quantity that this device does not have
+            if self.trials.all:
+                raise
+            raise DesignError(str(error)) from None
         made = on_root(self.comm, lambda: made)
         self.seconds.append(made.seconds)
         return made
@@ -287,24 +254,10 @@ class _Run:
         trial = self.trial(np.array([*theta, *(parameter(self.problem.case.actuator, name) for name in rest)]))
         if trial.failed:
             raise RunError(
-                f"the device as given cannot be judged: {trial.failure}{self._limit()}; start from one that bears the working "
+                f"the device as given cannot be judged: {trial.failure}; start from one that bears the working "
                 "pressure, such as with thicker walls",
                 NO_EQUILIBRIUM,
             )
-
-    def _limit(self) -> str:
-        """Where the device as given has its limit, for the message."""
-        why = self.trials.all[0].failure
-        if ("limit" in why and "cm" in why) or "model" in self.how:
-            return ""
-        from softmodels.results.limits import find_limit
-
-        case = self.problem.case
-        with contextlib.suppress(RuntimeError, ValueError):
-            limit = find_limit(case.actuator, [case.material], self.comm, case.sheet, None, case.formulation)[0]
-            if limit.found:
-                return f" (its limit is at {limit.pressure / case.cm:.4g} cm, {limit.pressure / 1e3:.4g} kPa)"
-        return ""
 
     def _passes(self, judged: Callable[[Array], Trial], x: Array) -> None:
         """The search, again with new standard deviations as long as those change."""

@@ -11,7 +11,7 @@ from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import brief
 from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS
-from softmodels.design.asked import CLEARANCES, Asked, Keep, Reader, Term, check_limits, in_words
+from softmodels.design.asked import CLEARANCES, MARGIN, Asked, Keep, Reader, Term, check_limits, in_words, pressure_of
 from softmodels.design.errors import DesignError
 from softmodels.design.free import Free, closest, crossed_corners, free_parameters
 from softmodels.design.material_errors import MaterialErrors
@@ -22,6 +22,8 @@ OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
 """What can be asked for, with the sign under which it is minimised."""
 TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerances", "material_errors")
 LIMITS = ("at_least", "at_most")
+ROOM = 1.25
+"""How far above the least limit pressure that is asked for a limit point is looked for."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -85,6 +87,10 @@ class DesignProblem:
         dataclasses.replace(case, name=self.name)  # a name that can name files
         for keep in self.keep:
             _check_walls(case, keep)
+        if not self.working and any(one.name == MARGIN for one in self.quantities):
+            raise DesignError(
+                f"{MARGIN} is over the highest pressure that is asked at, and nothing is asked at a pressure"
+            )
 
     def _objective(self, reader: Reader) -> tuple[str, tuple[Term, ...]]:
         given = [name for name in OBJECTIVES if getattr(self, name) is not None]
@@ -118,6 +124,19 @@ class DesignProblem:
         """Parameters that gradients are needed by: the free ones, then those that only have a tolerance."""
         free = [one.name for one in self.free]
         return (*free, *(name for name in self.tolerances if name not in free))
+
+    @property
+    def highest(self) -> float | None:
+        """Pressure in Pa up to which a limit point is looked for: well above what is asked of it; None for the usual."""
+        margins = [keep.at_least or 0.0 for keep in self.keep if keep.quantity.name == MARGIN]
+        pressures = [keep.at_least or 0.0 for keep in self.keep if keep.quantity.name == "limit_pressure"]
+        most = max([self.working * margin for margin in margins] + pressures, default=0.0)
+        return ROOM * most if ROOM * most > 2.0 * self.working else None
+
+    @property
+    def working(self) -> float:
+        """The highest pressure in Pa at which anything is asked; 0 for none."""
+        return max((pressure_of(one) or 0.0 for one in self.quantities), default=0.0)
 
     @property
     def quantities(self) -> list[Asked]:
@@ -168,7 +187,7 @@ class DesignProblem:
 
 
 def _registry() -> Mapping[str, type]:
-    from softmodels.design.quantities.base import QUANTITIES  # type: ignore[import-not-found]
+    from softmodels.design.quantities import QUANTITIES
 
     return QUANTITIES
 

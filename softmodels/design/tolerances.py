@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,11 +10,9 @@ import numpy.typing as npt
 from geometries import Actuator
 from softmodels.design.errors import DesignError
 from softmodels.design.free import expanded, unit_of
+from softmodels.design.material_errors import MaterialErrors
+from softmodels.design.trials import Trial
 from softmodels.design.units import read
-
-if TYPE_CHECKING:
-    from softmodels.design.problem import DesignProblem
-    from softmodels.design.trials import Trial
 
 SURE = 1.645
 """Standard deviations below which a normal value stays with 95 %, on one side."""
@@ -43,23 +40,25 @@ class Spread:
     """Standard deviations of the quantities of a design.
 
     Args:
-        problem: With its tolerances and errors of the material.
+        names: The parameters that gradients are by.
+        tolerances: Standard deviations by parameter, SI units.
+        errors: Of the material; None where they are not given.
     """
 
-    def __init__(self, problem: DesignProblem):
-        self.problem = problem
-        self.spreads = np.array([problem.tolerances.get(name, 0.0) for name in problem.names])
+    def __init__(self, names: Sequence[str], tolerances: Mapping[str, float], errors: MaterialErrors | None):
+        self.errors = errors
+        self.spreads = np.array([tolerances.get(name, 0.0) for name in names])
 
     @property
     def any(self) -> bool:
-        return bool(self.spreads.any()) or self.problem.material_errors is not None
+        return bool(self.spreads.any()) or self.errors is not None
 
     def sigma(self, trial: Trial, key: str) -> float:
         """Standard deviation of a value in its SI unit, to first order; 0 where nothing scatters."""
         variance = 0.0
         if key in trial.gradients:
             variance += float(np.sum((np.asarray(trial.gradients[key]) * self.spreads) ** 2))
-        errors = self.problem.material_errors
+        errors = self.errors
         if errors is not None and key in trial.material_gradients:
             slope: npt.NDArray[np.float64] = np.array(
                 [trial.material_gradients[key].get(name, 0.0) for name in errors.names]
