@@ -14,7 +14,7 @@ from softmodels.design.tolerances import SURE, Spread
 from softmodels.design.trials import Trial
 
 Array = npt.NDArray[np.float64]
-INSIDE = 1e-4
+INSIDE = 2e-4
 """Share of a limit that the search stays inside of it, so that what it ends with really keeps it."""
 
 
@@ -52,6 +52,8 @@ class Scaled:
     df: Array
     c: Array
     dc: Array
+    fresh: bool = False
+    """Whether its mesh is another than that of the designs before."""
 
 
 class Formulation:
@@ -63,7 +65,8 @@ class Formulation:
     """
 
     def __init__(self, problem: DesignProblem, first: Trial):
-        self.problem = problem
+        self.problem, self.first = problem, first
+        self.corrections: dict[str, float] = {}
         self.spread = Spread(problem.names, problem.tolerances, problem.material_errors)
         self.low = np.array([one.low for one in problem.free])
         self.width = np.array([one.width for one in problem.free])
@@ -112,12 +115,31 @@ class Formulation:
     def violations(self, trial: Trial, allowances: Array | None = None) -> Array:
         """How far each limit is passed, in its scale; below zero where it is kept. Shape (rows,)."""
         taken = self.allowances(trial) if allowances is None else allowances
+        values = {row.key: trial.values[row.key] * self.corrections.get(row.key, 1.0) for row in self.rows}
+        return self.passed(values, taken)
+
+    def passed(self, values: Mapping[str, float], allowances: Array) -> Array:
+        """How far values pass each limit, in its scale; shape (rows,)."""
         return np.array(
             [
-                (row.sign * (trial.values[row.key] - row.limit) + allowance) / row.scale
-                for row, allowance in zip(self.rows, taken, strict=True)
+                (row.sign * (values[row.key] - row.limit) + allowance) / row.scale
+                for row, allowance in zip(self.rows, allowances, strict=True)
             ]
         )
+
+    def corrected(self, trial: Trial, confirmed: Mapping[str, float]) -> Formulation:
+        """The same with limits on values as a fresh mesh has them, known of one design: others differ by the same factor.
+
+        The smooth maxima of stretch and stress are fixed to the true ones where a mesh was made, so they drift as it moves (as
+        Le and others 2010, doi 10.1007/s00158-009-0440-y, whose constant is renewed likewise); a finer mesh differs too.
+        """
+        made = Formulation(self.problem, self.first)
+        made.corrections = {
+            row.key: confirmed[row.key] / trial.values[row.key]
+            for row in self.rows
+            if trial.values[row.key] and confirmed[row.key] / trial.values[row.key] > 0.0
+        }
+        return made
 
     def worst(self, trial: Trial) -> tuple[float, Row | None]:
         """The largest violation and its limit."""
@@ -131,7 +153,7 @@ class Formulation:
         """Whether it could be judged and keeps every limit."""
         return not trial.failed and self.worst(trial)[0] <= 1e-9
 
-    def scaled(self, trial: Trial, allowances: Array) -> Scaled:
+    def scaled(self, trial: Trial, allowances: Array, fresh: bool = False) -> Scaled:
         """The search's numbers, with fixed allowances: the derivative of a standard deviation is left out."""
         count = len(self.problem.free)
         slopes = [row.sign / row.scale * np.asarray(trial.gradients[row.key])[:count] * self.width for row in self.rows]
@@ -139,6 +161,7 @@ class Formulation:
         return Scaled(
             sign * self.objective(trial), sign * self._slope(trial) * self.width,
             self.violations(trial, allowances) + INSIDE, np.array(slopes).reshape(len(self.rows), count),
+            fresh,
         )  # fmt: skip
 
     def better(self, trial: Trial, than: Trial | None) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
 from collections.abc import Callable, Iterator
@@ -25,7 +26,7 @@ from softmodels.design.result import DesignResult, StartEnd
 from softmodels.design.search import search
 from softmodels.design.starts import further_starts
 from softmodels.design.trials import Trial, Trials
-from softmodels.mechanics.mpi import on_root, start
+from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.results.outcomes import NO_EQUILIBRIUM, RunError
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ USUAL = 18
 """Evaluations that a start usually takes, for the time that is left."""
 PASSES = 4
 """Of a robust search: standard deviations are fixed while it goes on, and taken anew where it ended."""
+CORRECTIONS, KEPT = 3, 1e-3
+"""Times that the search goes on where a limit is passed on the fresh mesh, by more than this share of it."""
 SETTLED = 0.02
 """Change of what they take, in shares of it, from which on a robust search has ended."""
 
@@ -44,7 +47,7 @@ SETTLED = 0.02
 def optimise(problem: DesignProblem | str | Path, folder: str | Path | None = None, **how: Unpack[How]) -> DesignResult:
     """Optimise a design.
 
-    The method, and why, is in `softmodels.design.search`. A start ends where a step gains less than 1e-5 of the objective, at
+    The method, and why, is in `softmodels.design.search`. A start ends where a step gains less than 1e-4 of the objective, at
     an optimum, or after ``evaluations`` designs. No design is evaluated twice.
 
     Args:
@@ -167,8 +170,12 @@ class _Run:
             except (OwnFolderError, OSError) as error:
                 why = getattr(error, "strerror", None) or error
                 raise RunError(f"the designs cannot be written into {self.folder.path} ({why})") from None
-        if tell := self.how.get("progress"):
-            tell(line(self.problem, self.trials.all[-1], self.form, self._left()))
+        self._tell(line(self.problem, self.trials.all[-1], self.form, self._left()))
+
+    def _tell(self, text: str) -> None:
+        tell = self.how.get("progress")
+        if tell is not None and is_root(self.comm):
+            tell(text)
 
     def _left(self) -> float | None:
         if len(self.seconds) < 2:
@@ -195,7 +202,12 @@ class _Run:
         best = None if self.form is None else self.form.best(self.trials.all)
         if best is None or self.form is None:
             raise RunError("stopped by the user before any design could be judged", 130)
-        confirmed, trouble = ({}, "") if stopped or not self.how.get("confirm", True) else self._confirmed(best)
+        confirmed, trouble = dict[str, float](), ""
+        if not stopped and self.how.get("confirm", True):
+            try:
+                best, confirmed, trouble = self._settled(best)
+            except DesignStopped:
+                stopped, best = True, self.form.best(self.trials.all) or best
         where = on_root(self.comm, lambda: None if self.folder is None else self.folder.path)
         return DesignResult(
             self.problem, self.form, tuple(self.trials.all), tuple(ends), best, holding(self.form, best), confirmed,
@@ -225,21 +237,27 @@ class _Run:
         form, seen = self.form, list[Trial]()
         if self.start == 1:
             x = form.x(np.array(self.trials.all[0].theta))
-
-        def judged(point: Array) -> Trial:
-            # The start itself must be hit to the last bit, or it would be evaluated twice.
-            theta = np.array(seen[0].theta) if seen and np.array_equal(point, x) else form.theta(point)
-            seen.append(self.trial(theta))
-            return seen[-1]
-
         why = ""
         try:
-            if self.start == 1:
-                seen.append(self.trial(np.array(self.trials.all[0].theta)))
-            self._passes(judged, x)
+            begin = self.trial(np.array(self.trials.all[0].theta) if self.start == 1 else form.theta(x))
+            seen.append(begin)
+            self._passes(self._judged(seen, begin), x)
         except _EnoughError:
             why = f"after {len(self.visited)} evaluations"
         return StartEnd(self.start, form.best(seen), why)
+
+    def _judged(self, seen: list[Trial], begin: Trial) -> Callable[[Array], Trial]:
+        """Trials by scaled parameters, noted in a list; the first is hit to the last bit, or it would be evaluated twice."""
+        assert self.form is not None
+        form = self.form
+        x = form.x(np.array(begin.theta))
+
+        def judged(point: Array) -> Trial:
+            theta = np.array(begin.theta) if np.array_equal(point, x) else form.theta(point)
+            seen.append(self.trial(theta))
+            return seen[-1]
+
+        return judged
 
     def _first(self) -> None:
         """Judge the device as given.
@@ -267,14 +285,41 @@ class _Run:
             allowances = form.allowances(judged(end))
 
             def evaluate(point: Array, allowances: Array = allowances) -> Scaled | None:
+                before = set(self.visited)
                 trial = judged(point)
-                return None if trial.failed else form.scaled(trial, allowances)
+                fresh = trial.remeshed and trial.number not in before
+                return None if trial.failed else form.scaled(trial, allowances, fresh)
 
             end = search(evaluate, end)
             after = form.allowances(judged(end))
             scales = np.array([row.scale for row in form.rows])
             if not len(after) or float(np.max(np.abs(after - allowances) / scales)) <= SETTLED * 0.05:
                 return
+
+    def _settled(self, best: Trial) -> tuple[Trial, dict[str, float], str]:
+        """The best design that keeps its limits on a fresh mesh too, its values there, and why there are none."""
+        assert self.form is not None
+        confirmed, trouble = self._confirmed(best)
+        for _ in range(CORRECTIONS):
+            form = self.form
+            if trouble or not form.rows or not form.feasible(best):
+                break
+            if form.passed(confirmed, form.allowances(best)).max() <= KEPT:
+                break
+            self._tell(
+                "on the fresh mesh a limit is passed: the search goes on with the differences between the meshes"
+            )
+            self.form = form.corrected(best, confirmed)
+            self.start, self.visited = best.start, set()
+            seen = [best]
+            with contextlib.suppress(_EnoughError):
+                self._passes(self._judged(seen, best), self.form.x(np.array(best.theta)))
+            found = self.form.best(self.trials.all) or best
+            if found is best:
+                break
+            best = found
+            confirmed, trouble = self._confirmed(best)
+        return best, confirmed, trouble
 
     def _confirmed(self, best: Trial) -> tuple[dict[str, float], str]:
         """Values on a fresh mesh, and why there are none."""

@@ -185,6 +185,8 @@ class DesignResult:
                     continue
                 found, fresh = self.best.values[key], self.confirmed[key]
                 share = abs(fresh - found) / max(abs(fresh), 1e-300)
+                if share < 1e-9:  # of the geometry alone
+                    continue
                 words = label(asked, self.problem.case.cm) if key == asked.key else key
                 told.append(
                     f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, found, 5)} in the search "

@@ -16,7 +16,8 @@ has a solution, and a request that cannot be met ends where the largest violatio
 
 A trial that fails (no state there, no device) counts as if nothing had been gained on the last point: SLSQP then halves its
 step. So does, without an evaluation, a step longer than `LONGEST_STEP` or twice the last good one after a failure, and one that
-goes the way of a failure.
+goes the way of a failure. Where the device had to be meshed anew the search begins again from there, because values of two
+meshes differ by more than what the last steps gain.
 """
 
 from __future__ import annotations
@@ -35,12 +36,14 @@ Evaluate = Callable[[Array], Scaled | None]
 
 PRICES = (10.0, 100.0)
 """Of a violation of all of a limit, in objectives; the second if the first was too small."""
-PRECISION = 1e-5
+PRECISION = 1e-4
 """The search ends where a step gains less than this share of the objective, or no step gains."""
 LONGEST_STEP = 0.4
 """Longest step of a parameter in widths of its bounds."""
 SAME_DIRECTION = 0.98
 """Cosine of the angle within which two steps go the same way."""
+MOST_MESHES = 8
+"""Meshes of one pass."""
 MOST_STEPS = 60
 """Steps of one pass; the number of evaluations ends it before."""
 
@@ -69,15 +72,29 @@ def _violation(evaluate: Evaluate, x: Array) -> float:
     return float(found.c.max(initial=0.0))
 
 
+class _OtherMeshError(Exception):
+    """A trial has a mesh of its own: values before and after are not to be compared to the last digit."""
+
+    def __init__(self, x: Array):
+        super().__init__()
+        self.x = x
+
+
 def _pass(evaluate: Evaluate, start: Array, price: float, objective: bool = True) -> Array:
-    """One run of SLSQP over the parameters and t."""
-    steps = _Steps(evaluate, start, price, objective)
-    bounds = [(0.0, 1.0)] * len(start) + [(0.0, None)]
-    limits = [{"type": "ineq", "fun": steps.limits, "jac": steps.limit_slopes}] if steps.count else []
-    minimize(
-        steps.value, np.append(start, steps.elastic), jac=steps.slope, method="SLSQP", bounds=bounds, constraints=limits,
-        options={"maxiter": MOST_STEPS, "ftol": PRECISION},
-    )  # fmt: skip
+    """Runs of SLSQP over the parameters and t, each on one mesh."""
+    for _ in range(MOST_MESHES):
+        steps = _Steps(evaluate, start, price, objective)
+        bounds = [(0.0, 1.0)] * len(start) + [(0.0, None)]
+        limits = [{"type": "ineq", "fun": steps.limits, "jac": steps.limit_slopes}] if steps.count else []
+        try:
+            minimize(
+                steps.value, np.append(start, steps.elastic), jac=steps.slope, method="SLSQP", bounds=bounds,
+                constraints=limits, options={"maxiter": MOST_STEPS, "ftol": PRECISION},
+            )  # fmt: skip
+        except _OtherMeshError as other:
+            start = other.x
+        else:
+            break
     return steps.best
 
 
@@ -106,6 +123,8 @@ class _Steps:
         if found is None:
             self.failed.append(x)
             self.reach = step / 2
+        elif found.fresh:
+            raise _OtherMeshError(x)
         if found is not None and self._worth(found) < self._merit:
             self.best, self._merit = x, self._worth(found)
         return found
