@@ -15,10 +15,10 @@ from measurement.own_files import replace_text
 from measurement.own_folder import OwnFolder, OwnFolderError
 from measurement.reasons import reason
 from softmodels.design.asked import in_words, label, shown, shown_factor
+from softmodels.design.cases import case_of
 from softmodels.design.errors import DesignError
 from softmodels.design.formulation import Formulation
 from softmodels.design.problem import DesignProblem
-from softmodels.design.result import case_of
 from softmodels.design.trials import Trial
 from softmodels.design.units import factor, shown_unit
 
@@ -126,8 +126,21 @@ class DesignFolder:
             replace_text(self.path / ITERATES / names[1], case_of(self.problem, trial).to_toml())
         replace_text(self.path / ITERATES / names[0], trial.to_json())
         replace_text(self.path / TABLE, table(self.problem, trials, form))
-        best = form.best(list(trials)) if form is not None else None
-        if best is not None and best.number != self._best:
+        # Values of one mesh are compared alone: those of the one before may keep limits that are passed on a fresh one.
+        if form is None:
+            return
+        best = form.best([one for one in trials if one.mesh == trial.mesh])
+        if best is not None and (trial.start == 1 or best is form.best(list(trials))):
+            self._write_best(best)
+
+    def settle(self, best: Trial, trials: Sequence[Trial]) -> Path:
+        """Write the design that an optimisation ends with; its folder."""
+        if trials and not self._new:
+            self._write_best(best)
+        return self.path
+
+    def _write_best(self, best: Trial) -> None:
+        if best.number != self._best:
             replace_text(self.path / DESIGN, case_of(self.problem, best).to_toml())
             self._best = best.number
 

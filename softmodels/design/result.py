@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from geometries import Actuator
 from geometries.parameters import changed
 from softmodels.case.case import Case
 from softmodels.design.asked import in_words, label
+from softmodels.design.cases import case_of
 from softmodels.design.formulation import Formulation
 from softmodels.design.multipliers import Holding
 from softmodels.design.problem import DesignProblem
@@ -20,17 +22,65 @@ from softmodels.design.trials import Trial
 
 SAME_VALUE, SAME_PLACE = 0.01, 0.05
 """Starts agree if their ends differ by less than these shares: of the objective, or of each parameter's bounds' width."""
+FRESH_LIMIT = 2e-3
+"""Share of a limit by which it may be passed on the fresh mesh: the search stays inside of it on its own."""
 FRESH = 0.02
 """Share by which a value on the fresh mesh may differ before it is warned of."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class StartEnd:
-    """Where one start ended: its number, its best trial, and why it has none."""
+    """Where one start ended.
+
+    Attributes:
+        start: Its number.
+        best: Its best trial; None if none could be judged.
+        form: The problem in scaled numbers, with what is known of the difference to a fresh mesh.
+        confirmed: Values of the best trial on a fresh mesh; empty where there are none.
+        trouble: Why it could not be confirmed; empty for none.
+        why: Why it ended before an optimum; empty for none.
+    """
+
+    STOPPED: ClassVar[str] = "stopped by the user"
 
     start: int
     best: Trial | None
+    form: Formulation
+    confirmed: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    trouble: str = ""
     why: str = ""
+
+    @property
+    def stopped(self) -> bool:
+        return self.why == self.STOPPED
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """As reported: on the fresh mesh, or on the search's where there is none."""
+        return self.confirmed or ({} if self.best is None else self.best.values)
+
+    @property
+    def objective(self) -> float:
+        return sum(term.weight * self.values[term.quantity.key] for term in self.form.problem.terms)
+
+    @property
+    def passed(self) -> float:
+        """Largest share by which a limit is passed; below zero where all are kept."""
+        assert self.best is not None
+        if not self.confirmed:
+            return self.form.worst(self.best)[0]
+        return float(self.form.passed(self.confirmed, self.form.allowances(self.best)).max(initial=-1.0))
+
+    @property
+    def feasible(self) -> bool:
+        """Whether its best trial keeps all limits: in the search, and on the fresh mesh as nearly as makes no difference."""
+        return self.best is not None and self.form.feasible(self.best) and self.passed <= FRESH_LIMIT
+
+    def order(self) -> tuple[bool, bool, float]:
+        """What is least of the best end: no trouble, all limits kept, the objective; or else the least violation."""
+        if self.feasible:
+            return bool(self.trouble), False, self.form.problem.sign * self.objective
+        return bool(self.trouble), True, self.passed
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -39,29 +89,44 @@ class DesignResult:
 
     Attributes:
         problem: What was asked.
-        form: The problem in scaled numbers.
+        end: The best end of all starts.
         trials: All designs that were evaluated.
         ends: Where each start ended.
-        best: The best design: within all limits, or else with the least violation.
-        holding: What holds it back.
-        confirmed: Values of the best design on a fresh mesh; empty where that was not asked for.
-        finer: How much finer that mesh was.
+        holding: What holds the best design back.
+        finer: How much finer the fresh mesh was.
         stopped: Whether the user stopped it.
-        trouble: Why the design could not be confirmed; empty for none.
         folder: Where it is kept; None for nowhere.
     """
 
     problem: DesignProblem
-    form: Formulation
+    end: StartEnd
     trials: tuple[Trial, ...]
     ends: tuple[StartEnd, ...]
-    best: Trial
     holding: Holding
-    confirmed: Mapping[str, float]
     finer: float = 1.0
     stopped: bool = False
-    trouble: str = ""
     folder: Path | None = None
+
+    @property
+    def best(self) -> Trial:
+        """The best design: within all limits, or else with the least violation."""
+        assert self.end.best is not None
+        return self.end.best
+
+    @property
+    def form(self) -> Formulation:
+        """The problem in scaled numbers."""
+        return self.end.form
+
+    @property
+    def confirmed(self) -> Mapping[str, float]:
+        """Values of the best design on a fresh mesh; empty where there are none."""
+        return self.end.confirmed
+
+    @property
+    def trouble(self) -> str:
+        """Why the design could not be confirmed; empty for none."""
+        return self.end.trouble
 
     @property
     def first(self) -> Trial:
@@ -71,7 +136,7 @@ class DesignResult:
     @property
     def feasible(self) -> bool:
         """Whether the best design keeps all limits."""
-        return self.form.feasible(self.best)
+        return self.end.feasible
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -96,7 +161,7 @@ class DesignResult:
     @property
     def values(self) -> Mapping[str, float]:
         """Values of the best design as reported: on the fresh mesh, or on the search's where there is none."""
-        return self.confirmed or self.best.values
+        return self.end.values
 
     # -- in words -----------------------------------------------------------------------------------------------------
 
@@ -106,7 +171,7 @@ class DesignResult:
         cm, failed = self.problem.case.cm, sum(trial.failed for trial in self.trials)
         words = "; ".join(
             f"{label(term.quantity, cm)} {in_words(term.quantity, self.first.values[term.quantity.key])} at the start, "
-            f"{in_words(term.quantity, self.best.values[term.quantity.key])} in the design"
+            f"{in_words(term.quantity, self.values[term.quantity.key])} in the design"
             for term in self.problem.terms
         )
         count = f"{len(self.trials)} designs evaluated" + (f", {failed} of them without a state" if failed else "")
@@ -116,12 +181,12 @@ class DesignResult:
     @property
     def missed(self) -> list[str]:
         """The limits that the best design does not keep, and by how much."""
-        violations = self.form.violations(self.best)
+        violations = self.form.passed(self.values, self.form.allowances(self.best))
         return [
-            f"{row.words} is {in_words(row.keep.quantity, self.best.values[row.key])}, and has to be "
+            f"{row.words} is {in_words(row.keep.quantity, self.values[row.key])}, and has to be "
             f"{'at most' if row.sign > 0 else 'at least'} {in_words(row.keep.quantity, row.limit)}"
             for row, violation in zip(self.form.rows, violations, strict=True)
-            if violation > 1e-9
+            if violation > FRESH_LIMIT
         ]
 
     @property
@@ -154,23 +219,22 @@ class DesignResult:
             return ""
         if len(judged) < 2:
             return f"of {len(self.ends)} starts only one could be followed"
-        same = [one for one in judged if one.best is not None and self._same(one.best)]
-        if len(same) == len(judged):
+        same = sum(self._same(one) for one in judged)
+        if same == len(judged):
             return f"the {len(judged)} starts agree"
         values = ", ".join(
-            in_words(self.problem.terms[0].quantity, self.form.objective(one.best))
-            + ("" if self.form.feasible(one.best) else " (limits not kept)")
-            for one in judged if one.best is not None
-        )  # fmt: skip
-        return f"{len(same)} of {len(judged)} starts agree with the best; they ended at {values}"
+            in_words(self.problem.terms[0].quantity, one.objective) + ("" if one.feasible else " (limits not kept)")
+            for one in judged
+        )
+        return f"{same} of {len(judged)} starts agree with the best; they ended at {values}"
 
-    def _same(self, trial: Trial) -> bool:
-        if self.form.feasible(trial) != self.feasible:
+    def _same(self, other: StartEnd) -> bool:
+        assert other.best is not None
+        if other.feasible != self.feasible:
             return False
-        apart = abs(self.form.objective(trial) - self.form.objective(self.best))
-        if apart <= SAME_VALUE * abs(self.form.objective(self.best)):
+        if abs(other.objective - self.end.objective) <= SAME_VALUE * abs(self.end.objective):
             return True
-        steps = np.abs(self.form.x(np.array(trial.theta)) - self.form.x(np.array(self.best.theta)))
+        steps = np.abs(self.form.x(np.array(other.best.theta)) - self.form.x(np.array(self.best.theta)))
         return bool(steps.max() <= SAME_PLACE)
 
     @property
@@ -202,19 +266,9 @@ class DesignResult:
         allowances = self.form.allowances(self.best)
         told = []
         for row, taken in zip(self.form.rows, allowances, strict=True):
-            asked, value = row.keep.quantity, self.best.values[row.key]
+            asked, value = row.keep.quantity, self.values[row.key]
             told.append(
                 f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / SURE, 2)} (one standard deviation), so with "
                 f"95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
             )
         return told
-
-
-def case_of(problem: DesignProblem, trial: Trial) -> Case:
-    """The case of a trial's device.
-
-    Raises:
-        GeometryError: It is none.
-    """
-    values = dict(zip((one.name for one in problem.free), trial.theta, strict=False))
-    return dataclasses.replace(problem.case, name=problem.name, actuator=changed(problem.case.actuator, values))

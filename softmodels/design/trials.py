@@ -21,6 +21,7 @@ class Trial:
         number: Counted from 1.
         start: Of which start, counted from 1.
         theta: Values of the problem's `names`, SI units.
+        mesh: Of which mesh, counted from 1; the same design may be evaluated again on another one.
         values: By the keys of the quantities; empty of a failure.
         gradients: By key, by the problem's `names`.
         material_gradients: By key and parameter of the law; empty where they are not known.
@@ -35,6 +36,7 @@ class Trial:
     number: int
     start: int
     theta: tuple[float, ...]
+    mesh: int = 1
     values: Mapping[str, float] = dataclasses.field(default_factory=dict)
     gradients: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
     material_gradients: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
@@ -67,10 +69,10 @@ class Trial:
             raise ValueError(str(error)) from None
 
     @classmethod
-    def of(cls, number: int, start: int, theta: Array, evaluated: Any, seconds: float) -> Trial:
-        """An `Evaluation` as it is kept."""
+    def of(cls, place: tuple[int, int, tuple[float, ...], int], evaluated: Any, seconds: float) -> Trial:
+        """An `Evaluation` as it is kept; ``place`` has the number, start, values and mesh."""
         return cls(
-            number, start, tuple(map(float, theta)),
+            *place,
             {key: float(value) for key, value in evaluated.values.items()},
             {key: [float(slope) for slope in slopes] for key, slopes in (evaluated.gradients or {}).items()},
             {key: {name: float(slope) for name, slope in slopes.items()}
@@ -84,15 +86,15 @@ class Trials:
 
     def __init__(self) -> None:
         self.all: list[Trial] = []
-        self._known: dict[bytes, Trial] = {}
+        self._known: dict[tuple[int, bytes], Trial] = {}
 
     def add(self, trial: Trial) -> None:
         self.all.append(trial)
-        self._known[_bits(trial.theta)] = trial
+        self._known[trial.mesh, _bits(trial.theta)] = trial
 
-    def find(self, theta: Sequence[float] | Array) -> Trial | None:
-        """The trial of these values to the last bit; None if there was none."""
-        return self._known.get(_bits(theta))
+    def find(self, theta: Sequence[float] | Array, mesh: int = 1) -> Trial | None:
+        """The trial of these values to the last bit on a mesh; None if there was none."""
+        return self._known.get((mesh, _bits(theta)))
 
 
 def _bits(theta: Sequence[float] | Array) -> bytes:
