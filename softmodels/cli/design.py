@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import click
 
@@ -34,6 +34,19 @@ FINER = 2.0
 """How many times smaller the cells of one level finer are."""
 
 
+class Given(TypedDict):
+    """What the options give, by their names."""
+
+    output: Path | None
+    resume: bool
+    starts: int
+    evaluations: int
+    seed: int
+    confirm_finer: bool
+    no_pictures: bool
+    quiet: bool
+
+
 @click.command("design", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/NAME; results/NAME-2 "
@@ -50,7 +63,7 @@ FINER = 2.0
 )
 @click.option("--no-pictures", is_flag=True, help="Leave the runs before and after, the pictures and the report out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def design(file: Path, **options: Any) -> None:
+def design(file: Path, **options: Unpack[Given]) -> None:
     """Find the device that does best what a problem FILE asks for, within its limits.
 
     The file names a case, the parameters that may change with their bounds, what is to be made large or small (maximise,
@@ -94,9 +107,7 @@ def design(file: Path, **options: Any) -> None:
     sys.exit(status)
 
 
-def _design(
-    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, how: How, options: dict[str, Any]
-) -> int:
+def _design(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, how: How, options: Given) -> int:
     """Optimise, report, draw; the exit status."""
     from petsc4py import PETSc
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import cast
 
 from measurement.units import UnitError, brief, number_and_unit, quantity
 from softmodels.case.case import Case
 from softmodels.design.errors import DesignError
 from softmodels.design.free import closest
+from softmodels.design.loads import PRESSURE, VOLUME, Load
+from softmodels.design.quantities.base import Quantity
 from softmodels.design.units import factor, read, shown_unit, text
 
 CLEARANCES = "clearances"
@@ -21,19 +23,8 @@ MARGIN = "limit_margin"
 """Name of the quantity that is over the highest pressure anything is asked at."""
 
 
-class Asked(Protocol):
-    """A quantity as `softmodels.design.quantities` has them."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def key(self) -> str: ...
-    @property
-    def title(self) -> str: ...
-    @property
-    def at(self) -> Any: ...
+type Asked = Quantity
+"""Something that is asked of a design."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,9 +68,10 @@ def in_words(asked: Asked, value: float, digits: int = 4) -> str:
 def pressure_of(asked: Asked) -> float | None:
     """The pressure in Pa at which a quantity is taken; None where it is at none."""
     at = asked.at
-    if at is None or getattr(at, "kind", "pressure") != "pressure":
+    if at is None:
         return None
-    return float(getattr(at, "value", at))
+    load = Load.of(at)
+    return load.value if load.kind == PRESSURE else None
 
 
 def label(asked: Asked, cm: float) -> str:
@@ -98,7 +90,7 @@ class Reader:
         folder: From which a quantity's own file is counted.
     """
 
-    def __init__(self, case: Case, registry: Mapping[str, type], bare: bool, folder: Path | None):
+    def __init__(self, case: Case, registry: Mapping[str, type[Asked]], bare: bool, folder: Path | None):
         self.case, self.registry, self.bare, self.folder = case, registry, bare, folder
 
     def quantities(self, entry: object, where: str, more: Sequence[str] = ()) -> list[Asked]:
@@ -115,7 +107,7 @@ class Reader:
         if not isinstance(entry, Mapping):
             if not hasattr(entry, "key") or not hasattr(entry, "unit"):
                 raise DesignError(f"{where} is {brief(entry)}; it must be a quantity")
-            return [self._checked(entry, where)]
+            return [self._checked(cast("Asked", entry), where)]
         kind = self._kind(entry.get("quantity"), where)
         fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
         for key in entry:
@@ -135,7 +127,7 @@ class Reader:
             raise DesignError(f"{where}: {kind.name} is not taken at a pressure; leave at out")
         return [self._made(kind, {**given, **({} if place is None else {"at": place})}, where) for place in places]
 
-    def _kind(self, name: object, where: str) -> Any:
+    def _kind(self, name: object, where: str) -> type[Asked]:
         if name is None:
             raise DesignError(f"{where} names no quantity; {closest('', self.registry)}")
         if not isinstance(name, str) or name not in self.registry:
@@ -147,13 +139,13 @@ class Reader:
             return str(self.folder.resolve() / value)
         return tuple(value) if isinstance(value, list) else value
 
-    def _made(self, kind: Any, values: Mapping[str, Any], where: str) -> Asked:
+    def _made(self, kind: type[Asked], values: Mapping[str, object], where: str) -> Asked:
         try:
-            return self._checked(kind(**values), where)
+            return self._checked(kind(**values), where)  # type: ignore[arg-type]  # the constructor checks
         except (ValueError, TypeError) as error:
             raise DesignError(str(error) if isinstance(error, DesignError) else f"{where}: {error}") from None
 
-    def _checked(self, asked: Any, where: str) -> Asked:
+    def _checked(self, asked: Asked, where: str) -> Asked:
         """Refuse a probe or figure that the device does not have, and a pressure beyond the case's."""
         device, of = self.case.actuator, getattr(asked, "of", "")
         if of:
@@ -170,7 +162,7 @@ class Reader:
             raise DesignError(
                 f"{where}: {asked.title} is asked at {pressure / cm:.5g} cm, above the case's last pressure, {last / cm:.5g} cm"
             )
-        return asked  # type: ignore[no-any-return]
+        return asked
 
     def _at(self, value: object, where: str) -> object:
         """A pressure in Pa, or a `Load` of an added volume."""
@@ -181,8 +173,6 @@ class Reader:
             if unit == "cm":
                 return _positive(amount * self.case.cm, value, where)
             if unit and _is_volume(value):
-                from softmodels.design.loads import VOLUME, Load
-
                 return Load(VOLUME, _positive(quantity(value, "m^3"), value, where))
             return _positive(quantity(value, "Pa"), value, where)
         except UnitError as error:
@@ -195,7 +185,7 @@ class Reader:
         return read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
 
 
-def _at_pressure(kind: Any) -> bool:
+def _at_pressure(kind: object) -> bool:
     return bool(getattr(kind, "of_state", False))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from softmodels.design.errors import DesignError, DesignStopped
 from softmodels.design.evaluation import DesignFailure
 from softmodels.design.folder import DesignFolder, line
 from softmodels.design.formulation import Formulation
-from softmodels.design.how import EVALUATIONS, How
+from softmodels.design.how import EVALUATIONS, How, Judge
 from softmodels.design.problem import DesignProblem
 from softmodels.design.trials import Trial, Trials
 from softmodels.mechanics.mpi import is_root, on_root
@@ -50,7 +50,7 @@ class Evaluating:
         visited: Numbers of the trials of this search.
     """
 
-    def __init__(self, problem: DesignProblem, model: Any, folder: DesignFolder | None, comm: MPI.Comm, how: How):
+    def __init__(self, problem: DesignProblem, model: Judge, folder: DesignFolder | None, comm: MPI.Comm, how: How):
         self.problem, self.model, self.folder, self.comm, self.how = problem, model, folder, comm, how
         self.trials = Trials()
         self.form: Formulation | None = None
@@ -92,9 +92,7 @@ class Evaluating:
 
     def release(self) -> None:
         """Give back what the model holds."""
-        release = getattr(self.model, "release", None)
-        if release is not None:
-            release()
+        self.model.release()
 
     def confirmed(self, best: Trial) -> tuple[dict[str, float], str]:
         """Values on a fresh mesh along the whole path, and why there are none."""

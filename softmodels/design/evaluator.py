@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
-from softmodels.design.how import How
+from softmodels.design.how import How, Judge
 from softmodels.design.problem import DesignProblem
 from softmodels.mechanics.mpi import is_root
 
@@ -13,10 +13,8 @@ if TYPE_CHECKING:
 
     from mpi4py import MPI
 
-    from softmodels.design.quantities import Quantity
 
-
-def evaluator(problem: DesignProblem, comm: MPI.Comm, how: How) -> Any:
+def evaluator(problem: DesignProblem, comm: MPI.Comm, how: How) -> Judge:
     """What has `evaluate` and `confirm` as `softmodels.design.model.DesignModel` has.
 
     Raises:
@@ -36,11 +34,11 @@ def _report(comm: MPI.Comm, how: How) -> Callable[[str], None]:
     return report
 
 
-def _model(problem: DesignProblem, comm: MPI.Comm, report: Callable[[str], None]) -> Any:
+def _model(problem: DesignProblem, comm: MPI.Comm, report: Callable[[str], None]) -> Judge:
     from softmodels.design.model import DesignModel
 
-    errors = problem.material_errors
+    errors = problem.errors
     return DesignModel(
-        problem.case, problem.names, cast("list[Quantity]", problem.quantities), comm, highest=problem.highest,
+        problem.case, problem.names, problem.quantities, comm, highest=problem.highest,
         materials=() if errors is None else errors.names, report=report,
     )  # fmt: skip

@@ -29,14 +29,14 @@ TABLE, DESIGN, START = "iterates.csv", "design.toml", "start.toml"
 def identity(problem: DesignProblem) -> dict[str, str]:
     """What decides the values of a problem's designs, by what a person calls it."""
     case = problem.case
-    keeps = [(keep.quantity.key, keep.at_least, keep.at_most) for keep in problem.keep]
-    errors = problem.material_errors
+    keeps = [(keep.quantity.key, keep.at_least, keep.at_most) for keep in problem.limits]
+    errors = problem.errors
     return {
         "the case": case.to_toml(),
         "the free parameters": repr([(one.name, one.low, one.high) for one in problem.free]),
         "what is asked for": repr((problem.objective, [(term.quantity.key, term.weight) for term in problem.terms])),
         "the limits": repr(keeps),
-        "the tolerances": repr(sorted(problem.tolerances.items())),
+        "the tolerances": repr(sorted(problem.spreads.items())),
         "the material's errors": repr(None if errors is None else (errors.names, errors.covariance.tolist())),
     }
 

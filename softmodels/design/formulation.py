@@ -67,11 +67,11 @@ class Formulation:
     def __init__(self, problem: DesignProblem, first: Trial):
         self.problem, self.first = problem, first
         self.corrections: dict[str, float] = {}
-        self.spread = Spread(problem.names, problem.tolerances, problem.material_errors)
+        self.spread = Spread(problem.names, problem.spreads, problem.errors)
         self.low = np.array([one.low for one in problem.free])
         self.width = np.array([one.width for one in problem.free])
         self.rest = np.array([_value(problem, name) for name in problem.names[len(problem.free) :]])
-        self.rows = [row for keep in problem.keep for row in self._rows(keep, first.values)]
+        self.rows = [row for keep in problem.limits for row in self._rows(keep, first.values)]
         slopes = np.abs(self._slope(first)) * self.width
         self.size = max(abs(self.objective(first)), float(slopes.max(initial=0.0)), 1e-300)
 

@@ -4,12 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Protocol, TypedDict
 
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.design.evaluation import Evaluation
 from softmodels.design.problem import DesignProblem
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 EVALUATIONS = 40
 """Most evaluations of one start."""
+
+
+class Judge(Protocol):
+    """What evaluates designs: `softmodels.design.model.DesignModel`, or what stands in for it."""
+
+    def evaluate(self, theta: npt.NDArray[np.float64]) -> Evaluation:
+        """Values and gradients; a `DesignFailure` where there are none."""
+
+    def confirm(self, theta: npt.NDArray[np.float64], finer: float = 1.0) -> Evaluation:
+        """Values on a fresh mesh."""
+
+    def release(self) -> None:
+        """Give back what it holds; the next design is meshed anew."""
 
 
 class How(TypedDict, total=False):
@@ -37,4 +57,4 @@ class How(TypedDict, total=False):
     confirm: bool
     finer: float
     inputs: Sequence[Path]
-    model: Callable[[DesignProblem, Any], Any] | None
+    model: Callable[[DesignProblem, MPI.Comm], Judge] | None

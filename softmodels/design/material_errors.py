@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -36,7 +36,7 @@ class MaterialErrors:
     how: str
 
     @classmethod
-    def of(cls, given: Any, case: Case, folder: Path | None = None) -> MaterialErrors:
+    def of(cls, given: object, case: Case, folder: Path | None = None) -> MaterialErrors:
         """As they are, or from a fitted material's file.
 
         Raises:
@@ -87,10 +87,11 @@ class MaterialErrors:
         return cls(names, covariance, f"covariance of {path.with_name('fit.json')}")
 
     @classmethod
-    def _intervals(cls, path: Path, fit: dict[str, Any]) -> MaterialErrors:
-        intervals = fit.get("intervals_95")
+    def _intervals(cls, path: Path, fit: Mapping[str, object]) -> MaterialErrors:
+        found = fit.get("intervals_95")
+        intervals = found if isinstance(found, dict) else {}
         try:
-            widths = {str(name): float(high) - float(low) for name, (low, high) in dict(intervals or {}).items()}
+            widths = {str(name): float(high) - float(low) for name, (low, high) in intervals.items()}
         except (TypeError, ValueError):
             raise DesignError(f"{path}: the intervals of its fit cannot be read") from None
         if not widths or not all(0.0 < width < np.inf for width in widths.values()):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import brief
@@ -15,6 +14,7 @@ from softmodels.design.asked import CLEARANCES, MARGIN, Asked, Keep, Reader, Ter
 from softmodels.design.errors import DesignError
 from softmodels.design.free import Free, closest, crossed_corners, free_parameters
 from softmodels.design.material_errors import MaterialErrors
+from softmodels.design.quantities.base import Quantity
 from softmodels.design.tolerances import tolerances_of
 from softmodels.design.units import read
 
@@ -47,19 +47,22 @@ class DesignProblem:
     """
 
     case: Case
-    parameters: Any
-    maximise: Any = None
-    minimise: Any = None
-    follow: Any = None
-    keep: Any = ()
-    tolerances: Any = None
-    material_errors: Any = None
+    parameters: Mapping[str, object]
+    maximise: Quantity | Mapping[str, object] | None = None
+    minimise: Quantity | Mapping[str, object] | None = None
+    follow: Quantity | Mapping[str, object] | None = None
+    keep: Sequence[Keep | Mapping[str, object]] = ()
+    tolerances: Mapping[str, object] | None = None
+    material_errors: object = None
     name: str = ""
     folder: Path | None = dataclasses.field(default=None, repr=False)
     bare: bool = dataclasses.field(default=True, repr=False)
     free: tuple[Free, ...] = dataclasses.field(init=False, default=())
     terms: tuple[Term, ...] = dataclasses.field(init=False, default=())
     objective: str = dataclasses.field(init=False, default="")
+    limits: tuple[Keep, ...] = dataclasses.field(init=False, default=())
+    spreads: Mapping[str, float] = dataclasses.field(init=False, default_factory=dict)
+    errors: MaterialErrors | None = dataclasses.field(init=False, default=None)
     notes: tuple[str, ...] = dataclasses.field(init=False, default=())
 
     def __post_init__(self) -> None:
@@ -75,17 +78,17 @@ class DesignProblem:
         free = free_parameters(case.actuator, _table(self.parameters, "parameters"), self.bare)
         objective, terms = self._objective(reader)
         errors = None if self.material_errors is None else MaterialErrors.of(self.material_errors, case, self.folder)
-        settled: dict[str, Any] = {
+        settled: dict[str, object] = {
             "case": case, "free": free, "objective": objective, "terms": terms,
-            "keep": tuple(keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")),
-            "tolerances": tolerances_of(case.actuator, _table(self.tolerances or {}, "tolerances"), self.bare),
-            "material_errors": errors, "name": self.name or case.name,
+            "limits": tuple(keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")),
+            "spreads": tolerances_of(case.actuator, _table(self.tolerances or {}, "tolerances"), self.bare),
+            "errors": errors, "name": self.name or case.name,
             "notes": tuple(filter(None, [crossed_corners(case.actuator, free)])),
         }  # fmt: skip
         for name, value in settled.items():
             object.__setattr__(self, name, value)
         dataclasses.replace(case, name=self.name)  # a name that can name files
-        for keep in self.keep:
+        for keep in self.limits:
             _check_walls(case, keep)
         if not self.working and any(one.name == MARGIN for one in self.quantities):
             raise DesignError(
@@ -123,13 +126,13 @@ class DesignProblem:
     def names(self) -> tuple[str, ...]:
         """Parameters that gradients are needed by: the free ones, then those that only have a tolerance."""
         free = [one.name for one in self.free]
-        return (*free, *(name for name in self.tolerances if name not in free))
+        return (*free, *(name for name in self.spreads if name not in free))
 
     @property
     def highest(self) -> float | None:
         """Pressure in Pa up to which a limit point is looked for: well above what is asked of it; None for the usual."""
-        margins = [keep.at_least or 0.0 for keep in self.keep if keep.quantity.name == MARGIN]
-        pressures = [keep.at_least or 0.0 for keep in self.keep if keep.quantity.name == "limit_pressure"]
+        margins = [keep.at_least or 0.0 for keep in self.limits if keep.quantity.name == MARGIN]
+        pressures = [keep.at_least or 0.0 for keep in self.limits if keep.quantity.name == "limit_pressure"]
         most = max([self.working * margin for margin in margins] + pressures, default=0.0)
         return ROOM * most if ROOM * most > 2.0 * self.working else None
 
@@ -142,7 +145,7 @@ class DesignProblem:
     def quantities(self) -> list[Asked]:
         """All quantities, each once."""
         found = {
-            one.key: one for one in (*(term.quantity for term in self.terms), *(keep.quantity for keep in self.keep))
+            one.key: one for one in (*(term.quantity for term in self.terms), *(keep.quantity for keep in self.limits))
         }
         return list(found.values())
 
@@ -170,7 +173,7 @@ class DesignProblem:
             raise DesignError(f"{path}: {error}") from None
 
     @classmethod
-    def _from_tables(cls, tables: dict[str, Any], folder: Path | None) -> DesignProblem:
+    def _from_tables(cls, tables: dict[str, object], folder: Path | None) -> DesignProblem:
         for key in tables:
             if key not in TABLES:
                 raise DesignError(f"the problem has an unknown entry {key!r}; {closest(key, TABLES)}")
@@ -181,7 +184,7 @@ class DesignProblem:
         try:
             if isinstance(case, dict):
                 case = Case._from_tables(case, folder)
-            return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False)
+            return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False)  # type: ignore[arg-type]
         except INPUT_ERRORS as error:
             raise DesignError(str(error)) from None
 
@@ -204,7 +207,7 @@ def _table(value: object, what: str) -> Mapping[str, object]:
     return value
 
 
-def _list(value: object) -> Sequence[Any]:
+def _list(value: object) -> Sequence[object]:
     if isinstance(value, list | tuple):
         return value
     raise DesignError(f"{brief(value)} is no list; each limit begins with a line [[keep]]")
@@ -224,7 +227,7 @@ def _check_load(case: Case) -> None:
         raise DesignError("the case has a rigid plane to rest on, and gradients do not know contact; leave it out")
 
 
-def _keeps(reader: Reader, entry: Any, where: str) -> list[Keep]:
+def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
     if isinstance(entry, Keep):
         found = [dataclasses.replace(entry, quantity=one) for one in reader.quantities(entry.quantity, where)]
     else:

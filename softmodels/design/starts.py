@@ -36,5 +36,5 @@ def _is_device(problem: DesignProblem, x: Array) -> bool:
         device = changed(problem.case.actuator, values)
     except GeometryError:
         return False
-    least = max([keep.at_least or 0.0 for keep in problem.keep if keep.quantity.name == CLEARANCES], default=0.0)
+    least = max([keep.at_least or 0.0 for keep in problem.limits if keep.quantity.name == CLEARANCES], default=0.0)
     return min(device.clearances.values(), default=least) >= least

@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from softmodels.design.evaluation import Evaluation
 
 Array = npt.NDArray[np.float64]
 
@@ -69,14 +70,14 @@ class Trial:
             raise ValueError(str(error)) from None
 
     @classmethod
-    def of(cls, place: tuple[int, int, tuple[float, ...], int], evaluated: Any, seconds: float) -> Trial:
+    def of(cls, place: tuple[int, int, tuple[float, ...], int], evaluated: Evaluation, seconds: float) -> Trial:
         """An `Evaluation` as it is kept; ``place`` has the number, start, values and mesh."""
         return cls(
             *place,
             {key: float(value) for key, value in evaluated.values.items()},
             {key: [float(slope) for slope in slopes] for key, slopes in (evaluated.gradients or {}).items()},
             {key: {name: float(slope) for name, slope in slopes.items()}
-             for key, slopes in (getattr(evaluated, "material_gradients", None) or {}).items()},
+             for key, slopes in evaluated.material_gradients.items()},
             int(evaluated.newton), seconds, float(evaluated.quality), bool(evaluated.remeshed), tuple(evaluated.notes),
         )  # fmt: skip
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from softmodels.pictures.path_curves import limits, smooth
-from softmodels.pictures.style import BRANCH, CURVE, DPI, FAINT, INK, WARNING, WIDTH, wrapped
+from softmodels.design.summary import DesignTold, ParameterTold, TrialTold
+from softmodels.pictures.path_curves import kilopascals, limits, smooth
+from softmodels.pictures.style import BRANCH, CURVE, DPI, FAINT, INK, WARNING, WIDTH, Array, wrapped
 from softmodels.results.row import Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SHOWN_LIMITS = 7
 """Most limits with a curve of their own in the history: those that come nearest."""
@@ -45,24 +49,21 @@ def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm
                       label=f"limit point, {words}: {row['pressure_cm']:.4g} cm")  # fmt: skip
     axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.06)
-    k = pascal_per_cm / 1e3
-    convert: Any = (lambda column: column * k, lambda pressure: pressure / k)
-    axes.secondary_xaxis("top", functions=convert).set_xlabel("pressure in kPa", labelpad=8)
+    kilopascals(axes, pascal_per_cm)
     axes.legend(loc="best")
     return figure
 
 
-def history(told: Mapping[str, Any]) -> Figure:
+def history(told: DesignTold) -> Figure:
     """What is asked for and the limits, over the designs in the order of their evaluation; ``told`` is ``design.json``."""
     figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
     top, below = figure.subplots(2, sharex=True)
     trials, objective = told["trials"], told["objective"]
     numbers = np.array([trial["number"] for trial in trials])
-    values = np.array([np.nan if value is None else value for value in objective["values"]], dtype=float)
-    worst = np.array(
-        [max((limit["passed"][k] for limit in told["limits"]), default=0.0) if np.isfinite(value) else np.nan
-         for k, value in enumerate(values)], dtype=float,
-    )  # fmt: skip
+    values = _numbers(objective["values"])
+    worst = np.where(np.isfinite(values), -1.0, np.nan)
+    for limit in told["limits"]:
+        worst = np.maximum(worst, _numbers(limit["passed"]))
     kept = worst <= 1e-9
     starts = np.array([trial["start"] for trial in trials])
     for start in dict.fromkeys(starts):
@@ -84,7 +85,12 @@ def history(told: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _failures(top: Any, below: Any, trials: Sequence[Mapping[str, Any]]) -> None:
+def _numbers(values: Sequence[float | None]) -> Array:
+    """Numbers with nan where there is none."""
+    return np.array([float("nan") if value is None else value for value in values])
+
+
+def _failures(top: Axes, below: Axes, trials: Sequence[TrialTold]) -> None:
     """Designs without a state, and where starts begin, as lines across both panels."""
     label = "no state or no device"
     for trial in trials:
@@ -100,13 +106,13 @@ def _failures(top: Any, below: Any, trials: Sequence[Mapping[str, Any]]) -> None
                          va="top", fontsize=10, color=INK)  # fmt: skip
 
 
-def _limit_curves(axes: Any, told: Mapping[str, Any], numbers: Any, starts: Any) -> None:
+def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -> None:
     axes.axhline(0.0, color=INK, linewidth=1.2)
     nearest = sorted(
         told["limits"], key=lambda limit: -max([v for v in limit["passed"] if v is not None], default=-np.inf)
     )
     for k, limit in enumerate(nearest[:SHOWN_LIMITS]):
-        passed = np.array([np.nan if value is None else max(value, DEEPEST) for value in limit["passed"]], dtype=float)
+        passed = np.maximum(_numbers(limit["passed"]), DEEPEST)
         for n, start in enumerate(dict.fromkeys(starts)):
             mine = starts == start
             axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=COLOURS[k % len(COLOURS)],
@@ -119,7 +125,7 @@ def _limit_curves(axes: Any, told: Mapping[str, Any], numbers: Any, starts: Any)
         axes.set_title(f"the {SHOWN_LIMITS} nearest of {len(nearest)} limits", fontsize=11)
 
 
-def parameters(told: Sequence[Mapping[str, Any]]) -> Figure:
+def parameters(told: Sequence[ParameterTold]) -> Figure:
     """Each free parameter between its bounds, before and after."""
     figure = Figure((WIDTH, 1.5 + 0.62 * len(told)), dpi=DPI, layout="constrained")
     axes = figure.subplots()

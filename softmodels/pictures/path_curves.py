@@ -41,6 +41,13 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence
             axes.plot(row["pressure_cm"], row[column], marker, color=colour, markersize=9, label=label)
     axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.04)
+    kilopascals(axes, pascal_per_cm)
+    axes.legend(loc="best")
+    return figure
+
+
+def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
+    """A second scale above a pressure in cm of water; ``pascal_per_cm`` is Pa in one of them."""
     k = pascal_per_cm / 1e3
 
     def in_kPa(column: npt.ArrayLike) -> Array:
@@ -50,8 +57,6 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence
         return np.asarray(pressure) / k
 
     axes.secondary_xaxis("top", functions=(in_kPa, in_cm)).set_xlabel("pressure in kPa", labelpad=8)
-    axes.legend(loc="best")
-    return figure
 
 
 def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = (), supply: str = "supply") -> list[Figure]:

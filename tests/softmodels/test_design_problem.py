@@ -157,8 +157,8 @@ def test_the_good_problem_is_good(tmp_path):
     problem = DesignProblem.from_toml(GOOD)
     assert [one.name for one in problem.free] == ["cavity_radius", "membrane"]
     assert problem.terms[0].quantity.at == pytest.approx(177 * problem.case.cm) and problem.sign == -1.0
-    assert [keep.quantity.name for keep in problem.keep] == ["max_stretch", "limit_margin", "clearances"]
-    assert problem.keep[2].at_least == 0.003 and problem.notes == ()
+    assert [keep.quantity.name for keep in problem.limits] == ["max_stretch", "limit_margin", "clearances"]
+    assert problem.limits[2].at_least == 0.003 and problem.notes == ()
 
 
 def test_bounds_that_cross_in_a_corner_are_warned_of():
@@ -177,7 +177,7 @@ def test_from_python_numbers_are_si_and_texts_carry_units():
     assert (
         problem.free[0].low == 0.002
         and problem.free[0].high == pytest.approx(0.009)
-        and problem.keep[1].at_most == pytest.approx(0.03)
+        and problem.limits[1].at_most == pytest.approx(0.03)
     )
     both = sm.DesignProblem(case, {"membrane": (0.002, "9 mm")}, keep=keep, follow=None,
                             maximise={"quantity": "rise", "at": ["100 cm", "16 kPa"], "weights": [1, 3]})  # fmt: skip
@@ -186,4 +186,4 @@ def test_from_python_numbers_are_si_and_texts_carry_units():
 
 def test_several_pressures_make_several_limits():
     problem = DesignProblem.from_toml(GOOD.replace('at = "177 cm"\nat_most', 'at = ["100 cm", "177 cm"]\nat_most'))
-    assert [keep.quantity.name for keep in problem.keep[:3]] == ["max_stretch", "max_stretch", "limit_margin"]
+    assert [keep.quantity.name for keep in problem.limits[:3]] == ["max_stretch", "max_stretch", "limit_margin"]

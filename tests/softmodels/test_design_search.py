@@ -58,7 +58,7 @@ def by_brute_force(problem):
             kept = all(
                 (keep.at_most is None or values[keep.quantity.key] <= keep.at_most)
                 and (keep.at_least is None or values[keep.quantity.key] >= keep.at_least)
-                for keep in problem.keep
+                for keep in problem.limits
             )
             best = max(best, values[problem.terms[0].quantity.key] if kept else 0.0)
     return best
