@@ -213,6 +213,12 @@ class SeminarActuator(Actuator):
 
         return carried(self, other, points)
 
+    @property
+    def clearances(self) -> dict[str, float]:
+        from geometries.seminar_clearances import clearances
+
+        return clearances(self)
+
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell which points lie on the top face's line in the mirror plane, from the base to the tip."""
         points = np.asarray(points, dtype=float)

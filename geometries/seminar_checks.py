@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import TYPE_CHECKING
 
 from geometries.errors import GeometryError
 from geometries.fields import LONGEST, shown
 from geometries.seminar_cells import expected_cells
-from geometries.seminar_plan import Channel, edge_distance, half_angles, half_count, half_fan, own, spread
+from geometries.seminar_plan import Channel, edge_distance, half_angles, half_count, half_fan, own, pairs, spread
 
 if TYPE_CHECKING:
     from geometries.seminar import SeminarActuator
@@ -194,17 +193,10 @@ def _wall(slab: SeminarActuator, along: float, angle: float, radius: float) -> f
     return edge_distance(slab, along * math.cos(angle), along * math.sin(angle)) - radius
 
 
-def _pairs(found: list[Channel]) -> list[tuple[int, int, Channel, Channel, float]]:
-    """Neighbouring channels with their numbers and the angle between them; the first of an even number with its image."""
-    middle = [(1, 1, found[0], found[0], 2.0 * found[0].angle)] if found[0].angle > 0.0 else []
-    couples = enumerate(itertools.pairwise(found), 1)
-    return middle + [(k, k + 1, one, other, other.angle - one.angle) for k, (one, other) in couples]
-
-
 def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
     """Solid between neighbouring channels, outside of the manifold that joins them."""
     begin = slab.manifold_radius + slab.manifold_bore
-    for first, second, one, other, pitch in _pairs(found):
+    for first, second, one, other, pitch in pairs(found):
         end = min(one.end, other.end)
         for k in range(SAMPLES + 1):
             along = begin + (end - begin) * k / SAMPLES
@@ -222,7 +214,7 @@ def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
 def _check_fillet(slab: SeminarActuator, found: list[Channel]) -> None:
     """The rounding must fit on the bores, and two of them between neighbouring channels."""
     limits = [(line.bore, number) for number, line in enumerate(found, 1)]
-    for _, second, one, other, pitch in _pairs(found):
+    for _, second, one, other, pitch in pairs(found):
         # Two roundings side by side on the manifold's wall, with a fifth of one to spare.
         room = slab.manifold_radius * math.sin(0.5 * pitch) - 0.5 * (one.bore + other.bore)
         limits.append((room / 1.1, second))

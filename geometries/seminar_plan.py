@@ -5,6 +5,7 @@ Everything here is plain geometry in the plane (x, y), in m, without Gmsh: the c
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -139,6 +140,13 @@ def fan(slab: SeminarActuator) -> list[Channel | None]:
     half = half_fan(slab)
     mirrored = [line and line._replace(angle=-line.angle) for line in half[slab.channels % 2 :]]
     return [*reversed(mirrored), *half]
+
+
+def pairs(lines: list[Channel]) -> list[tuple[int, int, Channel, Channel, float]]:
+    """Neighbouring channels with their numbers and the angle between them; the first of an even number with its image."""
+    middle = [(1, 1, lines[0], lines[0], 2.0 * lines[0].angle)] if lines[0].angle > 0.0 else []
+    couples = enumerate(itertools.pairwise(lines), 1)
+    return middle + [(k, k + 1, one, other, other.angle - one.angle) for k, (one, other) in couples]
 
 
 def _channel(slab: SeminarActuator, number: int, angle: float) -> Channel | None:
