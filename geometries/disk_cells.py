@@ -26,6 +26,12 @@ GROWTH = 0.5
 ALONG_ARC = 2
 """Cells along the fillet's quarter circle; two curved ones follow it within a thousandth of its radius."""
 
+TURN = 1.0
+"""Angle in radians by which a curved top may turn along a cell's edge, unless that takes more than `FINEST` of them."""
+
+FINEST = 3
+"""Most edges between two entries of a profile that the top's curvature asks for."""
+
 SAMPLES = 257
 """Radii at which the size in a membrane of varying thickness is known; straight lines between them."""
 
@@ -42,12 +48,15 @@ def part_size(disk: HollowDisk, part: str) -> float:
 def membrane_sizes(disk: HollowDisk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return radii from the axis to the cavity's edge and the cell size in the membrane there, in m.
 
-    There are `THROUGH` cells through the thickness, none longer than the distance of a profile's entries, and the size grows
-    no faster than `GROWTH` along the radius.
+    There are `THROUGH` cells through the thickness, none longer than the distance of a profile's entries or turning by more
+    than `TURN`, and the size grows no faster than `GROWTH` along the radius.
     """
     radii = np.linspace(0.0, disk.cavity_radius, SAMPLES)
-    longest = min(disk.cell_size, disk.cavity_radius / max(len(disk.profile) - 1, 1))
-    sizes = np.minimum(longest, disk.membrane_top.thickness(radii) / THROUGH)
+    apart = disk.cavity_radius / max(len(disk.profile) - 1, 1)
+    longest = min(disk.cell_size, apart)
+    top = disk.membrane_top
+    turning = np.clip(TURN / np.maximum(top.curvature(radii), TURN / longest), min(apart / FINEST, longest), None)
+    sizes = np.minimum(turning, top.thickness(radii) / THROUGH)
     return radii, (sizes + GROWTH * np.abs(radii[:, None] - radii)).min(axis=1)
 
 

@@ -56,6 +56,14 @@ class MembraneTop:
         """Height of the top face in m at radii in m."""
         return self.ceiling + self.thickness(radii)
 
+    def curvature(self, radii: ArrayLike) -> Array:
+        """Curvature in 1/m of the top's line at radii in m up to the cavity's edge, either way counted positive."""
+        within = np.asarray(radii) / self.radius
+        if len(self.shares) == 1:
+            return np.zeros_like(within)
+        slope, bend = (self.membrane * _spline(self.shares)(within, k) / self.radius**k for k in (1, 2))
+        return np.asarray(np.abs(bend) / (1.0 + slope**2) ** 1.5)
+
     @property
     def extremes(self) -> tuple[float, float]:
         """Smallest and largest thickness in m, between the given radii too."""

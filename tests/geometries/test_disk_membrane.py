@@ -43,6 +43,15 @@ def test_the_top_passes_through_its_entries_level_at_both_ends():
     assert top.extremes[1] > 0.002 * 1.002 * max(WAVY)  # it is highest between the entries
 
 
+def test_curvature_is_that_of_the_line():
+    top = MembraneTop(0.02, 0.01, 0.002, WAVY)
+    radii, step = np.linspace(0.001, 0.019, 30), 1e-5
+    low, here, high = (top.height(radii + by) for by in (-step, 0.0, step))
+    bend = (low - 2 * here + high) / step**2 / (1 + ((high - low) / (2 * step)) ** 2) ** 1.5
+    assert top.curvature(radii) == pytest.approx(np.abs(bend), rel=1e-2, abs=0.2)
+    assert not MembraneTop(0.02, 0.01, 0.002, (1.0,)).curvature(radii).any()
+
+
 def test_the_top_is_linear_in_its_entries():
     first, second = np.array(WAVY), np.array([1.0, 1.2, 0.9, 0.8])
     radii = np.linspace(0.0, 0.02, 41)
@@ -119,7 +128,12 @@ def test_cells_are_small_where_the_membrane_is_thin():
     radii, sizes = membrane_sizes(disk)
     assert (sizes <= np.minimum(disk.membrane_top.thickness(radii) / 2, disk.cell_size) + 1e-15).all()
     assert np.abs(np.diff(sizes) / np.diff(radii)).max() < 0.5 + 1e-9
-    assert sizes[0] < 0.0011 and sizes[-1] == disk.cell_size
+    assert sizes[0] < 0.0011 and sizes[-1] > 1.5 * sizes[0]
+    curved = HollowDisk(section="axisymmetric", profile=WAVY)
+    radii, sizes = membrane_sizes(curved)
+    turns = sizes * curved.membrane_top.curvature(radii)  # in radians along an edge
+    finest = curved.cavity_radius / 3 / 3  # a third of the distance between entries
+    assert (turns[sizes > finest] <= 1.0 + 1e-9).all() and sizes.min() == pytest.approx(finest)
     _, crowded = membrane_sizes(HollowDisk(profile=(1.0,) * 12))
     assert crowded.max() == pytest.approx(0.01 / 11)
 
