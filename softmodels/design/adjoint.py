@@ -132,6 +132,10 @@ class Adjoint:
             system.set_material(material)
         return found
 
+    def stress_by(self, name: str) -> float:
+        """Derivative of the shear modulus by one of the material's numbers."""
+        return self._sensitivity.material_force(name)[1]
+
     def limit_gradient(
         self, state: State, tangent: Tangent, velocities: Mapping[str, Array], materials: Sequence[str] = ()
     ) -> tuple[dict[str, float], dict[str, float]]:

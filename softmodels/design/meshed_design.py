@@ -14,12 +14,13 @@ from geometries import Actuator, MeshingError
 from geometries.parameters import changed, parameter
 from softmodels.case.case import Case
 from softmodels.design.adjoint import Adjoint
+from softmodels.design.bifurcations import Bifurcations
 from softmodels.design.designed_body import DesignedBody
 from softmodels.design.evaluation import DesignFailure
 from softmodels.design.loads import PRESSURE, Load
 from softmodels.design.quantities.base import Quantity, Slopes
 from softmodels.design.quantities.geometric import DeviceQuantity
-from softmodels.design.quantities.limits import OfLimit
+from softmodels.design.quantities.limits import OfBifurcation, OfLimit
 from softmodels.design.states import WorkingStates
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
@@ -49,6 +50,11 @@ class Judged:
     value: float
     gradient: Array
     by_material: dict[str, float]
+
+    def times(self, factor: float) -> Judged:
+        """The quantity times a number."""
+        by_material = {name: factor * rate for name, rate in self.by_material.items()}
+        return Judged(factor * self.value, factor * self.gradient, by_material)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +95,9 @@ class MeshedDesign:
         self.measures = {
             part: part.measure(design) for part in question.parts if not isinstance(part, OfLimit | DeviceQuantity)
         }
-        self.states = WorkingStates(design, question.loads, question.highest)
+        forks = any(isinstance(part, OfBifurcation) for part in question.parts)
+        self.bifurcations = Bifurcations(design, self.adjoint) if forks else None
+        self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
 
     @classmethod
     def fresh(cls, case: Case, device: Actuator, question: Question, comm: MPI.Comm) -> MeshedDesign:
@@ -170,10 +178,14 @@ class MeshedDesign:
                 )
         for part in question.parts:
             if isinstance(part, OfLimit):
-                found[part.key] = self._of_limit(part, velocities)
-                if self.states.limit is None:
+                critical = self._critical(part, velocities)
+                if critical is None:
                     reached = f"{question.highest / 1e3:.4g} kPa"
-                    notes.append(f"{part.key}: no limit point up to {reached}, which stands in its place")
+                    notes.append(f"{part.key}: there is none up to {reached}, which stands in its place")
+                    critical = Judged(
+                        question.highest, np.zeros(len(velocities)), dict.fromkeys(question.materials, 0.0)
+                    )
+                found[part.key] = critical.times(part.factor(question.working))
             elif isinstance(part, DeviceQuantity):
                 values, columns = part.values(motion.device), part.derivatives(motion.device, question.names)
                 found |= {
@@ -204,14 +216,21 @@ class MeshedDesign:
         )
         return Judged(slopes.value, np.array([by_length[name] for name in velocities]), by_material or direct)
 
-    def _of_limit(self, part: OfLimit, velocities: dict[str, Array]) -> Judged:
-        question, limit = self.question, self.states.limit
-        factor = part.factor(question.working)
-        if limit is None:
-            return Judged(factor * question.highest, np.zeros(len(velocities)), dict.fromkeys(question.materials, 0.0))
-        pressure = limit.state.P * self.design.system.stress_unit
-        if not velocities:
-            return Judged(factor * pressure, np.zeros(0), {})
-        by_length, by_material = self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, question.materials)
-        rates = factor * np.array([by_length[name] for name in velocities])
-        return Judged(factor * pressure, rates, {name: factor * rate for name, rate in by_material.items()})
+    def _critical(self, part: OfLimit, velocities: dict[str, Array]) -> Judged | None:
+        """Pressure in Pa of the limit point or the bifurcation; None if there is none."""
+        states, materials = self.states, self.question.materials
+        limit, fork = states.limit, states.bifurcation
+        if isinstance(part, OfBifurcation):
+            if fork is None or self.bifurcations is None:
+                return None
+            P, found = fork.P, self.bifurcations.gradient(fork, velocities, materials) if velocities else None
+        elif limit is None:
+            return None
+        else:
+            P = limit.state.P
+            found = (
+                self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if velocities else None
+            )
+        by_length, by_material = found or ({}, {})
+        rates = np.array([by_length[name] for name in velocities])
+        return Judged(P * self.design.system.stress_unit, rates, by_material)

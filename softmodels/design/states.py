@@ -15,6 +15,7 @@ from softmodels.path.points import PathEnd
 from softmodels.path.quantities import AddedVolume
 
 if TYPE_CHECKING:
+    from softmodels.design.bifurcations import Bifurcation, Bifurcations
     from softmodels.design.designed_body import DesignedBody
     from softmodels.mechanics.solver import Tangent
     from softmodels.mechanics.system import State
@@ -43,19 +44,29 @@ class WorkingStates:
     Args:
         design: The meshed device.
         loads: Where it is judged.
-        highest: Pressure in Pa up to which a limit point is looked for; 0 for none.
+        highest: Pressure in Pa up to which a limit point or a bifurcation is looked for; 0 for none.
+        bifurcations: Finds the first bifurcation, if that is wanted.
 
     Attributes:
         states: By load, of the device that the mesh shows.
         limit: The limit point; None if there is none up to ``highest``, or none is looked for.
-        newton: Newton iterations since `reset`.
+        bifurcation: The first bifurcation, likewise.
+        newton: Newton iterations since it was last set to zero.
     """
 
-    def __init__(self, design: DesignedBody, loads: Sequence[Load], highest: float = 0.0):
+    def __init__(
+        self,
+        design: DesignedBody,
+        loads: Sequence[Load],
+        highest: float = 0.0,
+        bifurcations: Bifurcations | None = None,
+    ):
         self.design, self.system, self.solver = design, design.system, design.solver
         self.loads, self.highest = tuple(loads), highest
         self.states: dict[Load, State] = {}
         self.limit: LimitPoint | None = None
+        self.bifurcation: Bifurcation | None = None
+        self._bifurcations = bifurcations
         self.newton = 0
         self._rest_volume = 0.0
 
@@ -67,7 +78,7 @@ class WorkingStates:
         Raises:
             DesignFailure: A load is not met.
         """
-        self.states, self.limit = {}, None
+        self.states, self.limit, self.bifurcation = {}, None, None
         self._rest_volume = self.design.volume_at_rest()
         by_pressure = sorted(load for load in self.loads if load.kind == PRESSURE)
         self._trace_pressures(by_pressure)
@@ -84,12 +95,14 @@ class WorkingStates:
         if not wanted:
             return
         met: list[State] = []
-        limit = None
+        limit = forked = None
         try:
             for point in trace(Continuation(self.solver), wanted):
                 self.newton += point.state.iterations
                 if point.limit and limit is None:
                     limit = point
+                if point.bifurcation and forked is None:
+                    forked = point
                 if point.requested:
                     met.append(point.state)
         except PathEnd as end:
@@ -99,6 +112,9 @@ class WorkingStates:
         self.states |= dict(zip(loads, met, strict=False))
         if limit is not None and self.highest:
             self.limit = self._limit_near(limit.state, limit.tangent)
+        if forked is not None and forked.mode is not None and self._bifurcations is not None:
+            state = forked.state
+            self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
 
     def _failure(self, load: Load, end: PathEnd) -> DesignFailure:
         if end.limit is None:
@@ -138,7 +154,10 @@ class WorkingStates:
             except NoConvergence:
                 self._rest_volume = before
                 raise
-        self.states, self.limit, self._rest_volume = found, limit, rest
+        forked = self.bifurcation
+        if forked is not None and self._bifurcations is not None:
+            forked = self._bifurcations.near(forked.states[0], forked.V - before + rest, forked.mode, rest)
+        self.states, self.limit, self.bifurcation, self._rest_volume = found, limit, forked, rest
 
     def _solve(self, load: Load, guess: State, rest: float) -> State:
         system = self.system

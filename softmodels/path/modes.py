@@ -34,6 +34,11 @@ class Mode:
         self._M.mult(self._vector, self.image)
         self.image.scale(1 / self._size**2)
 
+    @property
+    def length(self) -> float:
+        """That of the shape in the norm of M."""
+        return self._size
+
     def share(self, w: Array) -> float:
         """What dofs (shape as `State.w`) have of the mode."""
         self._vector.array_w[:] = w[: self._vector.getLocalSize()]

@@ -26,6 +26,37 @@ class OfLimit(Quantity):
         raise TypeError("a quantity of the limit point follows from that point alone")
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OfBifurcation(OfLimit):
+    """Something of the first bifurcation."""
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BifurcationPressure(OfBifurcation):
+    """Pressure at the first bifurcation."""
+
+    name: ClassVar = "bifurcation_pressure"
+    unit: ClassVar = "Pa"
+    help: ClassVar = "pressure at the first bifurcation, where the device leaves its symmetric shape"
+
+    def factor(self, working: float) -> float:
+        return 1.0
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BifurcationMargin(OfBifurcation):
+    """Bifurcation pressure over the highest working pressure."""
+
+    name: ClassVar = "bifurcation_margin"
+    unit: ClassVar = "1"
+    help: ClassVar = "pressure at the first bifurcation over the highest working pressure"
+
+    def factor(self, working: float) -> float:
+        return 1.0 / working
+
+
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LimitPressure(OfLimit):
