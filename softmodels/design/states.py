@@ -26,6 +26,8 @@ CLOSE = 1e-8
 """Change of the volume, in shares of what was added, at which the limit point is found: its pressure is exact to the square."""
 FIRST_STEP = 1e-3
 """The same of the secant's first step."""
+TIGHT = 1e-10
+"""Of the linear solver for the path's direction, which is the null vector that derivatives are taken with."""
 FARTHEST = 0.5
 """The same of how far it may move from one design to the next; a farther one is looked for along the whole path."""
 
@@ -110,11 +112,16 @@ class WorkingStates:
             if len(met) < len(loads):
                 raise self._failure(loads[len(met)], end) from end
         self.states |= dict(zip(loads, met, strict=False))
-        if limit is not None and self.highest:
-            self.limit = self._limit_near(limit.state, limit.tangent)
-        if forked is not None and forked.mode is not None and self._bifurcations is not None:
-            state = forked.state
-            self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
+        try:
+            if limit is not None and self.highest:
+                self.limit = self._limit_near(limit.state, limit.tangent)
+            if forked is not None and forked.mode is not None and self._bifurcations is not None:
+                state = forked.state
+                self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
+        except NoConvergence as failure:
+            raise DesignFailure(
+                f"where the device loses its stability was passed but not located: {failure}"
+            ) from failure
 
     def _failure(self, load: Load, end: PathEnd) -> DesignFailure:
         if end.limit is None:
@@ -198,4 +205,9 @@ class WorkingStates:
             w, P = w + (V - guess.V) * tangent.w, P + (V - guess.V) * tangent.P
         state = self.solver.solve(volume_control(V), w, P)
         self.newton += state.iterations
-        return LimitPoint(state, self.solver.tangent(state, volume_control(V), 1e-10))
+        line = volume_control(V)
+        try:
+            return LimitPoint(state, self.solver.tangent(state, line, TIGHT))
+        except NoConvergence:  # the factorisation that is kept is of a state too far away
+            self.solver.factorise(state)
+            return LimitPoint(state, self.solver.tangent(state, line, TIGHT))
