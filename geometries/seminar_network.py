@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometries.errors import GeometryError
 from geometries.seminar_arc import arc_map
 from geometries.seminar_junction import Array, Junction, tube_level
 from geometries.seminar_plan import Channel, half_fan, spread
@@ -120,6 +121,11 @@ def _beside(pair: _Pair, points: Array, tube: Array, first: Array, second: Array
         else:
             fade = 1.0 - smooth(1.5 * np.abs(target) / slab.manifold_bore - 0.5)
             moved += fade[:, None] * (_onto_rounding(pair, moved, target) - moved)
+        if (pair.two.local(moved)[0] > pair.two.line.cones[0].end).any():
+            raise GeometryError(
+                f"the channel at {math.degrees(pair.two.line.angle):.3g} deg becomes so short that its end meets the crease at "
+                "the manifold, where the mesh cannot follow; make a new mesh"
+            )
         found[zone], near[zone] = moved, target
     return found, near
 
