@@ -50,6 +50,8 @@ _PLACES = {
     "softmodels.results.limits": ("Limit",),
     "softmodels.results.outcomes": ("RunError",),
     "softmodels.results.store": ("ResultsError",),
+    "softmodels.design.mould.settings": ("MouldError",),
+    "softmodels.runs.moulding": ("mould",),
     "softmodels.runs.run": ("Run",),
     "softmodels.runs.states": ("SolvedState",),
     "softmodels.runs.door": ("inflate", "run", "load", "limit"),
@@ -71,6 +73,7 @@ if TYPE_CHECKING:
     from softmodels.case.case import CaseError as CaseError
     from softmodels.design.asked import Keep as Keep
     from softmodels.design.errors import DesignError as DesignError
+    from softmodels.design.mould.settings import MouldError as MouldError
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem
     from softmodels.fitting.curves.fit_curves import fit_curves as fit_curves
@@ -101,5 +104,6 @@ if TYPE_CHECKING:
     from softmodels.runs.door import limit as limit
     from softmodels.runs.door import load as load
     from softmodels.runs.door import run as run
+    from softmodels.runs.moulding import mould as mould
     from softmodels.runs.run import Run as Run
     from softmodels.runs.states import SolvedState as SolvedState

@@ -19,10 +19,13 @@ from softmodels.design.mould.files import write_bodies
 from softmodels.design.mould.make import Made, made
 from softmodels.design.mould.settings import MouldError, Workshop
 from softmodels.mechanics.mpi import speaks
+from softmodels.pictures.mould_sheet import write_sheet
 from softmodels.results.outcomes import FAILED
 
 
-def mould(file: Path, silicone: str | None, output: Path | None, quiet: bool, **settings: object) -> None:
+def mould(
+    file: Path, silicone: str | None, output: Path | None, quiet: bool, no_pictures: bool, **settings: object
+) -> None:
     """Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.
 
     The device is parted in a plane and cast in two, which are bonded there: a cup forms the outside of each half, its lid
@@ -55,6 +58,7 @@ def mould(file: Path, silicone: str | None, output: Path | None, quiet: bool, **
         found = made(asked.device, asked.workshop)
         with folder.writing() as place:
             write_bodies(place, asked, found)
+            drawn = write_sheet(place, asked, found, not no_pictures)
     except (MouldError, OwnFolderError, *INPUT_ERRORS) as error:
         fail(str(error))
     except MeshingError as error:
@@ -64,7 +68,9 @@ def mould(file: Path, silicone: str | None, output: Path | None, quiet: bool, **
     if not quiet:
         for text in told(asked, found):
             click.echo(text)
-        click.echo(f"mould in {folder.path}")
+        if not drawn and not no_pictures:
+            click.echo("no pictures: this machine cannot render (softmodels doctor)")
+        click.echo(f"mould in {folder.path}; sheet.html is for the bench")
 
 
 def told(asked: Asked, found: Made) -> list[str]:
@@ -85,6 +91,7 @@ def told(asked: Asked, found: Made) -> list[str]:
 
 def _command() -> click.Command:
     command = mould
+    command = click.option("--no-pictures", is_flag=True, help="Leave the pictures out.")(command)
     command = click.option("--quiet", is_flag=True, help="Report errors alone.")(command)
     for name, field in reversed(list(about(Workshop).items())):
         default = getattr(Workshop, name)

@@ -91,7 +91,7 @@ def tooling(parted: Parted, half: str, workshop: Workshop) -> Tooling:
     occ.synchronize()
     back = level + towards * wall
     return Tooling(
-        half, _one(cup, f"the cup of the {half} half"), _lid(lid, half), target, level, pour, vents, pins,
+        half, _one(cup, f"the cup of the {half} half"), _lid(lid, parted, half), target, level, pour, vents, pins,
         np.array([x, y, min(end, back)]), np.array([x + wide, y + deep, max(end, back)]),
     )  # fmt: skip
 
@@ -150,10 +150,16 @@ def _one(solids: list[Solid], what: str) -> Solid:
     return solids[0]
 
 
-def _lid(solids: list[Solid], half: str) -> Solid:
+def _lid(solids: list[Solid], parted: Parted, half: str) -> Solid:
+    import gmsh
+
     if len(solids) > 1:
+        loose = min(solids, key=lambda solid: gmsh.model.occ.getMass(*solid))
+        place = ", ".join(
+            f"{value + 0.0:.4g}" for value in parted.drawn(gmsh.model.occ.getCenterOfMass(*loose)).round(3)
+        )
         raise MouldError(
-            f"a cavity lies wholly in the {half} half and does not reach the parting plane, so that its core would float; "
-            "choose another plane (--split) or another direction (--pull)"
+            f"the cavity around {place} mm lies wholly in the {half} half and does not reach the parting plane, so that its "
+            "core would float; choose another plane (--split) or another direction (--pull)"
         )
     return _one(solids, f"the lid of the {half} half")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -181,7 +181,8 @@ def thicknesses(facets: Facets) -> tuple[tuple[float, Array], tuple[float, Array
     if len(chosen) > MOST_RAYS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_RAYS).astype(int)]
     hit, local = [0.0] * 3, [0.0] * 3
-    t, part, cell = cast("Any", mutable(0.0)), cast("Any", mutable(0)), cast("Any", mutable(0))
+    # VTK writes into these three, whatever its types say.
+    t, part, cell = cast(float, mutable(0.0)), cast(int, mutable(0)), cast(int, mutable(0))
     found = []
     for way in (-1.0, 1.0):
         best, place = math.inf, np.zeros(3)

@@ -8,20 +8,19 @@ import numpy as np
 
 from geometries import Actuator
 from softmodels.design.mould.facets import Array
-from softmodels.design.mould.settings import Workshop
+from softmodels.design.mould.solids import Parted
 
 
-def face_namer(device: Actuator, workshop: Workshop, turn: Array) -> Callable[[Array], str]:
+def face_namer(device: Actuator, parted: Parted) -> Callable[[Array], str]:
     """A function from a place in the mould (mm) to the clause that names the part's face there.
 
     Args:
         device: The part.
-        workshop: Its scale.
-        turn: The rotation that turned it, shape (3, 3).
+        parted: How it was turned and scaled.
     """
 
     def named(place: Array) -> str:
-        return _name(device, turn.T @ np.asarray(place) / workshop.scale)
+        return _name(device, parted.drawn(place))
 
     return named
 

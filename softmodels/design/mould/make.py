@@ -15,9 +15,9 @@ from geometries.errors import MeshingError
 from softmodels.design.mould.bodies import Tooling, left, tooling
 from softmodels.design.mould.checks import SAME, Checked, check_body, check_core, thicknesses
 from softmodels.design.mould.face_names import face_namer
-from softmodels.design.mould.facets import Array, Facets, facets_of
+from softmodels.design.mould.facets import Facets, facets_of
 from softmodels.design.mould.settings import Workshop
-from softmodels.design.mould.solids import MM, OTHER_SIDE, Solid, part, scaled, turned
+from softmodels.design.mould.solids import MM, OTHER_SIDE, Parted, Solid, part, scaled, turned
 
 HALVES = ("upper", "lower")
 CAST_CHORD = 0.05
@@ -106,7 +106,7 @@ def _made(device: Actuator, workshop: Workshop) -> Made:
         folder = Path(place)
         with private_model():
             model = _modelled(device, workshop, folder)
-        named = face_namer(device, workshop, model.turn)
+        named = face_namer(device, model.parted)
         bodies = []
         for half in HALVES:
             for kind, way in (("cup", -1.0), ("lid", 1.0)):
@@ -128,7 +128,7 @@ def _made(device: Actuator, workshop: Workshop) -> Made:
         return Made(
             tuple(bodies), tuple(casts), (folder / "device.step").read_bytes(), model.differs,
             sum(cast.facets.volume for cast in casts) * shrunk + model.plug * shrunk, model.plug * shrunk,
-            model.level, float(above), float(below), silicone / MM / workshop.scale, channel / workshop.scale,
+            model.parted.level, float(above), float(below), silicone / MM / workshop.scale, channel / workshop.scale,
         )  # fmt: skip
 
 
@@ -136,11 +136,10 @@ def _made(device: Actuator, workshop: Workshop) -> Made:
 class _Model:
     """What has to be known once the CAD kernel's model is gone; lengths in mm."""
 
-    turn: Array
+    parted: Parted
     toolings: Mapping[str, Tooling]
     differs: float
     plug: float
-    level: float
 
 
 def _modelled(device: Actuator, workshop: Workshop, folder: Path) -> _Model:
@@ -152,7 +151,7 @@ def _modelled(device: Actuator, workshop: Workshop, folder: Path) -> _Model:
     import gmsh  # type: ignore[import-untyped]
 
     occ = gmsh.model.occ
-    parted, turn = part(device, workshop)
+    parted = part(device, workshop)
     toolings = {half: tooling(parted, half, workshop) for half in HALVES}
     voids, differs, whole = {}, 0.0, 0.0
     for half, tools in toolings.items():
@@ -167,7 +166,7 @@ def _modelled(device: Actuator, workshop: Workshop, folder: Path) -> _Model:
             "length a little"
         )
     plug = list(occ.cut(occ.copy(parted.inlet), parted.cores, removeTool=False)[0]) if parted.inlet else []
-    found = _Model(turn, toolings, differs / whole, sum(occ.getMass(*solid) for solid in plug), parted.level)
+    found = _Model(parted, toolings, differs / whole, sum(occ.getMass(*solid) for solid in plug))
     named = {
         f"{half}-{kind}": solid
         for half, tools in toolings.items()
@@ -176,7 +175,7 @@ def _modelled(device: Actuator, workshop: Workshop, folder: Path) -> _Model:
     named |= {f"{half}-half": solids[0] for half, solids in voids.items()}
     named |= {f"core-{k}": core for k, core in enumerate(parted.cores)}
     named["device"] = _bonded([solids[0] for solids in voids.values()], plug)
-    _write_steps(named, folder, turn, workshop)
+    _write_steps(named, folder, parted)
     return found
 
 
@@ -198,7 +197,7 @@ def _bonded(halves: list[Solid], plug: list[Solid]) -> Solid:
     raise MeshingError("the CAD kernel cannot bond the two halves; change a length a little")
 
 
-def _write_steps(named: Mapping[str, Solid], folder: Path, turn: Array, workshop: Workshop) -> None:
+def _write_steps(named: Mapping[str, Solid], folder: Path, parted: Parted) -> None:
     """Write each of some solids of the current Gmsh model into a file of its own; ``device`` back in its own size and place."""
     import gmsh
 
@@ -214,8 +213,8 @@ def _write_steps(named: Mapping[str, Solid], folder: Path, turn: Array, workshop
             solids = occ.importShapes(file)
             occ.remove([solid for j, solid in enumerate(solids) if j != k], recursive=True)
             if name == "device":
-                turned([solids[k]], turn.T)
-                scaled(1.0 / workshop.scale)
+                turned([solids[k]], parted.turn.T)
+                scaled(1.0 / parted.scale)
             occ.synchronize()
             gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
             gmsh.write(str(folder / f"{name}.step"))

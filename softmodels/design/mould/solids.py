@@ -37,6 +37,8 @@ class Parted:
         inlet: The solid that leaves room for the tube; none if there is no inlet.
         level: Height of the parting plane, mm.
         low, high: Corners of the envelope's box, mm.
+        turn: The rotation that turned it, shape (3, 3).
+        scale: Its size over the device's.
     """
 
     envelope: Solid
@@ -45,6 +47,12 @@ class Parted:
     level: float
     low: Array
     high: Array
+    turn: Array
+    scale: float
+
+    def drawn(self, place: Array) -> Array:
+        """Where a place in the mould is in the device as drawn, mm."""
+        return np.asarray(self.turn.T @ np.asarray(place) / self.scale)
 
     @property
     def size(self) -> float:
@@ -129,8 +137,8 @@ def scaled(factor: float) -> None:
     gmsh.model.occ.synchronize()
 
 
-def part(device: Actuator, workshop: Workshop) -> tuple[Parted, Array]:
-    """Fill the current Gmsh model with a device, ready to be moulded; return it and the rotation that turned it.
+def part(device: Actuator, workshop: Workshop) -> Parted:
+    """Fill the current Gmsh model with a device, ready to be moulded.
 
     Raises:
         MouldError: A device that cannot be parted as asked.
@@ -165,7 +173,7 @@ def part(device: Actuator, workshop: Workshop) -> tuple[Parted, Array]:
             f"{shown(low[2] / MM / workshop.scale, 'm')} to {shown(high[2] / MM / workshop.scale, 'm')}"
         )
     inlet = _inlet(parting, workshop, envelope) if parting and parting.inlet and workshop.tube else []
-    return Parted(envelope, cores, inlet, level, low, high), turn
+    return Parted(envelope, cores, inlet, level, low, high, turn, workshop.scale)
 
 
 def _level(parting: Parting | None, workshop: Workshop, boxes: list[Array], order: npt.NDArray[np.int64]) -> float:
