@@ -15,7 +15,7 @@ import numpy as np
 
 from geometries.errors import MeshingError
 from geometries.seminar_cells import size_function
-from geometries.seminar_plan import Channel, half_fan, side, spread
+from geometries.seminar_plan import Channel, fan, half_fan, side, spread
 
 if TYPE_CHECKING:
     from geometries.seminar import SeminarActuator
@@ -54,16 +54,43 @@ def measured_volume(slab: SeminarActuator) -> float:
 
 
 def build_both_halves(slab: SeminarActuator) -> None:
-    """Fill the current Gmsh model (mm) with the whole slab, one solid."""
+    """Fill the current Gmsh model (mm) with the whole slab, one solid.
+
+    Both halves are drawn: the CAD kernel mirrors planes and cones into splines, which it is slow with and less exact.
+    """
     import gmsh
 
     occ = gmsh.model.occ
-    solids = half_slab(slab)
-    for normal in ((0, 0, 1), (0, 1, 0)) if slab.level else ((0, 1, 0),):
-        image = occ.copy(solids)
-        occ.mirror(image, *normal, 0)
-        solids = list(occ.fuse(solids, image)[0])
+    lines = [line for line in fan(slab) if line is not None]
+    begin = -0.5 * spread(slab)
+    air = _rounded(slab, [*_manifold(slab, begin), _cap(slab, begin), *(_air(slab, line) for line in lines)])
+    solids, _ = occ.cut([_whole_prism(slab)], air)
+    if [dimension for dimension, _ in solids] != [3]:
+        raise MeshingError(
+            f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore a little"
+        )
     occ.synchronize()
+
+
+def _whole_prism(slab: SeminarActuator) -> Entity:
+    """The whole slab without channels."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    length, half, radius = MM * slab.length, 0.5 * MM * slab.base_width, MM * slab.tip_radius
+    bottom = -0.5 * MM * slab.thickness
+    x, y = (MM * at for at in side(slab)[1])
+    right, left = occ.addPoint(0, -half, bottom), occ.addPoint(0, half, bottom)
+    if radius > 0.0:
+        ends = [occ.addPoint(x, -y, bottom), occ.addPoint(x, y, bottom)]
+        centre = occ.addPoint(length - radius, 0, bottom)
+        front = [occ.addCircleArc(ends[0], centre, ends[1])]
+        occ.remove([(0, centre)])
+    else:
+        ends, front = [occ.addPoint(length, 0, bottom)], []
+    sides = [occ.addLine(right, ends[0]), *front, occ.addLine(ends[-1], left), occ.addLine(left, right)]
+    swept = occ.extrude([(2, occ.addPlaneSurface([occ.addCurveLoop(sides)]))], 0, 0, MM * slab.thickness)
+    return next(entity for entity in swept if entity[0] == 3)
 
 
 def half_slab(slab: SeminarActuator) -> list[Entity]:
@@ -111,11 +138,17 @@ def _prism(slab: SeminarActuator) -> Entity:
 
 def _network(slab: SeminarActuator) -> list[Entity]:
     """The air of all channels that reach into the half at y > 0, in one piece, its creases rounded."""
+    lines = [line for line in half_fan(slab) if line is not None]
+    # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
+    begin = -2.0 * (lines[0].bore + 2.0 * slab.fillet) / slab.manifold_radius
+    return _rounded(slab, [*_manifold(slab, begin), *(_air(slab, line) for line in lines)])
+
+
+def _rounded(slab: SeminarActuator, parts: list[Entity]) -> list[Entity]:
+    """Manifold and channels in one piece, its creases rounded."""
     import gmsh
 
     occ = gmsh.model.occ
-    lines = [line for line in half_fan(slab) if line is not None]
-    parts = [*_manifold(slab, lines[0].bore), *(_air(slab, line) for line in lines)]
     air = list(occ.fuse(parts[:1], parts[1:])[0])
     if slab.fillet == 0.0:
         return air
@@ -148,7 +181,7 @@ def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
         low, high = (bound[0] for bound in model.getParametrizationBounds(1, curve))
         at = model.getValue(1, curve, [0.5 * (low + high)])
         one, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
-        turn = min(math.atan2(at[1], at[0]), half)
+        turn = max(-half, min(math.atan2(at[1], at[0]), half))
         away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), MM * slab.offset))
         # Two cones of one channel meet at an angle too, which stays.
         if away < 1.001 * MM * slab.manifold_bore and math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
@@ -156,22 +189,27 @@ def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
     return sorted(found)
 
 
-def _manifold(slab: SeminarActuator, first: float) -> list[Entity]:
-    """The arc over the half's angle and some more, and the round cap at its end; ``first`` is the bore in the middle."""
+def _manifold(slab: SeminarActuator, begin: float) -> list[Entity]:
+    """The arc from an angle (rad) to its end at y > 0, and the round cap there."""
     import gmsh
 
     occ = gmsh.model.occ
     half = 0.5 * spread(slab)
     radius, bore, level = MM * slab.manifold_radius, MM * slab.manifold_bore, MM * slab.offset
-    # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
-    begin = -2.0 * (first + 2.0 * slab.fillet) / slab.manifold_radius
     c, s = math.cos(begin), math.sin(begin)
     # The section's seam is on the inside, where no channel leaves.
     section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])
     arc = occ.revolve([(2, section)], 0, 0, 0, 0, 0, 1, half - begin)
-    c, s = math.cos(half), math.sin(half)
-    cap = occ.addSphere(radius * c, radius * s, level, bore)
-    return [next(entity for entity in arc if entity[0] == 3), (3, cap)]
+    return [next(entity for entity in arc if entity[0] == 3), _cap(slab, half)]
+
+
+def _cap(slab: SeminarActuator, angle: float) -> Entity:
+    """The round cap where the manifold ends at an angle in radians."""
+    import gmsh
+
+    radius = MM * slab.manifold_radius
+    x, y = radius * math.cos(angle), radius * math.sin(angle)
+    return (3, int(gmsh.model.occ.addSphere(x, y, MM * slab.offset, MM * slab.manifold_bore)))
 
 
 def _air(slab: SeminarActuator, line: Channel) -> Entity:

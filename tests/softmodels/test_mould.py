@@ -7,12 +7,15 @@ import json
 import numpy as np
 import pytest
 
+import softmodels as sm
 from geometries import HollowDisk, SeminarActuator
 from geometries.meshing import private_model
 from softmodels.design.mould.asked import asked_of
 from softmodels.design.mould.facets import read_step
 from softmodels.design.mould.files import write_bodies
 from softmodels.design.mould.make import made
+from softmodels.design.mould.settings import MouldError
+from softmodels.pictures.offscreen import can_render
 
 SLAB = SeminarActuator(channels=1, fillet=0.0, around=6.0, cell_size=0.008)
 BODIES = ("upper-cup", "upper-lid", "lower-cup", "lower-lid")
@@ -104,3 +107,188 @@ def test_a_disk_is_cast_to_its_closed_form():
     assert [body.opens for body in found.bodies] == [1.0, -1.0, -1.0, 1.0]
     assert (found.wall_above, found.wall_below) == pytest.approx((disk.membrane, disk.base), rel=1e-5)
     assert found.thinnest == pytest.approx(disk.membrane, rel=0.1)
+
+
+def test_a_cast_imported_as_a_part_goes_the_device_path(tmp_path):
+    """The mirror: what the mould leaves, shrunk and bonded, read as a STEP part and inflated, against the device drawn."""
+    import gmsh
+
+    disk = sm.HollowDisk(section="axisymmetric", support="base")
+    found = sm.mould(disk, chord="0.1 mm", shrinkage=0.01)
+    (tmp_path / "device.step").write_bytes(found.device)
+    with private_model():
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        whole = gmsh.model.occ.importShapes(str(tmp_path / "device.step"))
+        piece = gmsh.model.occ.addCylinder(0, 0, -1, 0, 0, 40, 40, angle=np.pi / 6)
+        gmsh.model.occ.intersect(whole, [(3, piece)])
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(tmp_path / "wedge.step"))
+        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    part = sm.ImportedActuator(
+        file=str(tmp_path / "wedge.step"), cavities=("at 5, 1, 8 mm",), support="z = 0 mm", cell_size=0.003,
+        planes=("y = 0 mm", "normal 0.5, -0.8660254, 0"), gauge_point="at 0, 0, 16 mm",
+    )  # fmt: skip
+    assert part.solid_volume == pytest.approx(disk.solid_volume, rel=1e-6)
+    assert part.cavity_volume == pytest.approx(disk.cavity_volume, rel=1e-5)
+    material = sm.Yeoh(8e3, 100.0)
+    cast, drawn = (sm.inflate(one, material, "0,20,40 cm") for one in (part, disk))
+    for pressure in ("20 cm", "40 cm"):
+        one, other = cast.at(pressure).row, drawn.at(pressure).row
+        assert one["tip_mm"] == pytest.approx(other["apex_mm"], rel=5e-3)
+        assert one["added_volume_ml"] == pytest.approx(other["added_volume_ml"], rel=5e-3)
+
+
+@pytest.fixture(scope="module")
+def part_of(tmp_path_factory):
+    """A part from boxes (x, y, z, sizes; mm), the first of which is what the others are cut from."""
+    import gmsh
+
+    def draw(name, *boxes, **choices):
+        file = tmp_path_factory.mktemp("parts") / f"{name}.step"
+        with private_model():
+            solids = [(3, gmsh.model.occ.addBox(*box)) for box in boxes]
+            gmsh.model.occ.cut(solids[:1], solids[1:])
+            gmsh.model.occ.synchronize()
+            gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+            gmsh.write(str(file))
+            gmsh.option.setString("Geometry.OCCTargetUnit", "")
+        return sm.ImportedActuator(file=str(file), **choices)
+
+    return draw
+
+
+BLOCK, HOLE = (0, -5, -5, 20, 10, 10), (6, -3, -2, 10, 6, 4)
+ONE = {"cavities": ("at 11, 0, 0 mm",), "support": "x = 20 mm"}
+
+
+def test_an_imported_part_is_parted_along_its_pull(part_of, tmp_path):
+    """Any direction will do for a box, and what is bonded lies where it was drawn."""
+    import gmsh
+
+    part = part_of("box", BLOCK, HOLE, **ONE)
+    found = made(part, asked_of(part, pull="0, -2, 0", split="1 mm").workshop)
+    assert found.differs < 1e-6 and found.volume == pytest.approx(part.solid_volume, rel=1e-9)
+    assert (found.wall_above, found.wall_below) == pytest.approx((0.002, 0.002))
+    assert found.plug == 0.0 and found.channel == pytest.approx(0.004)
+    (tmp_path / "device.step").write_bytes(found.device)
+    with private_model():
+        box = gmsh.model.occ.getBoundingBox(3, read_step(tmp_path / "device.step"))
+    assert box == pytest.approx((0, -5, -5, 20, 5, 5), abs=1e-5)
+
+
+def test_undercuts_are_refused_by_name(part_of):
+    """A groove across the pull, where it is. Two cavities above each other hold a core."""
+    part = part_of("groove", BLOCK, HOLE, (-1, -6, 2, 3, 12, 1.5), **ONE)
+    with pytest.raises(
+        MouldError, match=r"upper cup .* undercut by 90 deg at .*, 3\.5 mm, on the part's face \d+ \(a plane\)"
+    ):
+        sm.mould(part, pull="0, 0, 1")
+    two = part_of("two", BLOCK, (6, -3, 0.75, 10, 6, 2), (6, -3, -2.75, 10, 6, 2), cavities=("at 11, 0, 2 mm",),
+                  support="x = 0 mm")  # fmt: skip
+    with pytest.raises(MouldError, match=r"cavity around 11, 0, 1\.75 mm lies wholly in the upper half"):
+        sm.mould(two, pull="0, 0, 1")
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"draft": "9 deg"}, "it closes the inlet"),
+        ({"draft": "20 deg"}, "between 0 and 15 deg"),
+        ({"draft": "14 deg", "pin": "2 mm"}, "leaves a pin of 2 mm a tip"),
+        ({"wall": "3 mm", "least_wall": "2 mm"}, "the printer makes walls from 2 mm"),
+        ({"rim": "4 mm"}, "on both sides needs"),
+        ({"vent": "0.2 mm"}, "holes from 0.5 mm"),
+        ({"pour": "0.8 mm"}, "the wider one"),
+        ({"pour": "12 mm"}, "leaves room for"),
+        ({"tube": "0.5 mm"}, "thinner than the printer"),
+        ({"shrinkage": 0.3}, "silicones shrink by"),
+        ({"surplus": -1.0}, "surplus"),
+        ({"chord": "1 um"}, "chord"),
+        ({"chord": "1 mm"}, "a quarter of the printer's gap"),
+        ({"silicone": "rubber"}, "silicone 'rubber' is unknown"),
+        ({"pull": "0, 0, 1"}, "for imported parts"),
+        ({"pull": "up"}, "three numbers"),
+        ({"pull": "0, 0, 0"}, "no direction"),
+        ({"pull": "0, 0, inf"}, "three numbers"),
+        ({"split": "3 pints"}, "split"),
+        ({"wal": "3 mm"}, "unknown entry 'wal'"),
+        ({"wall": "3 kg"}, "wall"),
+        ({"wall": True}, "must be a number"),
+        ({"clearance": -0.001}, "0 or more"),
+    ],
+)
+def test_what_no_workshop_can_make_is_a_sentence(settings, told):
+    with pytest.raises(MouldError, match=told):
+        sm.mould(sm.HollowDisk.variant("shadow"), **settings)
+
+
+def test_channels_finer_than_the_printer_are_refused():
+    with pytest.raises(MouldError, match=r"the printer makes ribs from 1\.6 mm"):
+        sm.mould(SLAB, least_wall="1.6 mm", wall="8 mm", rim="10 mm")
+
+
+def test_parts_that_cannot_be_parted_are_refused(part_of):
+    part = part_of("plain", BLOCK, HOLE, **ONE)
+    for settings, told in (
+        ({}, "pull is not given"),
+        ({"pull": "0 0 1", "split": "9 mm"}, "from -5 mm to 5 mm"),
+    ):
+        with pytest.raises(MouldError, match=told):
+            sm.mould(part, **settings)
+    half = part_of("half", BLOCK, HOLE, (-1, -6, -6, 30, 6, 12), planes=("y = 0 mm",), **ONE)
+    with pytest.raises(sm.GeometryError, match="one of 2 equal pieces"):
+        sm.mould(half, pull="0, 0, 1")
+    with pytest.raises(MouldError, match="not of a int"):
+        sm.mould(3)
+
+
+CASE = 'name = "disk"\n[geometry]\ndevice = "HollowDisk"\nvariant = "shadow"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "told"),
+    [
+        (CASE, ["--draft", "50deg"], "draft"),
+        (CASE + '[mould]\nwall = "9 miles"\nx = 1\n', [], "[mould]"),
+        (CASE + "mould = 3\n", [], "mould"),
+        (CASE + '[mould]\nsilicone = "rubber"\n', [], "rubber"),
+        (CASE.replace("HollowDisk", "Balloon"), [], "Balloon"),
+        ("", [], "[geometry]"),
+        (None, [], "cannot be read"),
+        (CASE, ["--output", "case"], "no run of this version"),
+    ],
+)
+def test_bad_input_is_a_sentence_and_status_2(text, words, told, runs, tmp_path):
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case" / "mine.txt").write_text("mine")
+    if text is not None:
+        (tmp_path / "case.toml").write_text(text)
+    done = runs.run("-m", "softmodels", "mould", "case.toml", *words, cwd=tmp_path)
+    assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and told in done.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["case", *(["case.toml"] if text is not None else [])]
+
+
+def test_the_command_writes_bodies_pictures_and_a_sheet(runs, tmp_path):
+    (tmp_path / "case.toml").write_text(CASE)
+    words = ("--silicone", "ecoflex-00-30", "--chord", "0.1mm", "--vents", "2", "--output", "out")
+    done = runs.run("-m", "softmodels", "mould", "case.toml", *words, cwd=tmp_path)
+    assert done.status == 0 and done.err == "" and "sheet.html" in done.out
+    folder = tmp_path / "out"
+    sheet = (folder / "sheet.md").read_text()
+    mass = 1.07 * sm.HollowDisk.variant("shadow").solid_volume * 1e6
+    row = next(line for line in sheet.splitlines() if line.startswith("| both"))
+    total, mixed, a, b = (float(cell) for cell in row.split("|")[4:8])
+    assert total == pytest.approx(mass, rel=2e-3) and mixed == pytest.approx(1.15 * total, abs=0.06)
+    assert a == b == pytest.approx(mixed / 2, abs=0.06)
+    assert "pot life 45 min" in sheet and "cure for 4 h" in sheet and "&#" not in sheet
+    page = (folder / "sheet.html").read_text()
+    assert "<h2>Order of work</h2>" in page and 'src="http' not in page
+    names = {f"{body}.{end}" for body in (*BODIES, "upper-half", "lower-half") for end in ("step", "stl")}
+    assert names | {"device.step", "mould.toml", "checks.json"} <= {path.name for path in folder.iterdir()}
+    if can_render():
+        for name in ("exploded", *BODIES):
+            assert (folder / f"{name}.png").stat().st_size > 10_000
+        assert page.count("data:image/png") == 5
+    again = asked_of(folder / "mould.toml")
+    assert again.device == sm.HollowDisk.variant("shadow") and again.workshop.vents == 2
+    assert again.silicone == "ecoflex-00-30" and again.workshop.chord == pytest.approx(1e-4)

@@ -14,11 +14,11 @@ from geometries.errors import MeshingError
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]
 
-SHARE = 0.85
+SHARE = 0.72
 """Length of an edge over that of the chord which is exactly as far off as allowed: triangles reach farther than their edges."""
 ROUNDS = 4
 """How often the triangles are made finer where they turn out too coarse."""
-MANY = 5_000
+MANY = 10_000
 """Triangles above which second order measures a volume well enough; fewer and larger ones are curved to fourth."""
 ASTRAY = 0.7
 """Cosine between a surface's normal and a triangle's below which it is none: triangles this fine turn by far less."""
@@ -94,7 +94,7 @@ def facets_of(file: Path, chord: float) -> Facets:
             if max(off.values()) <= chord:
                 return _measured(surfaces, max(off.values()))
             for surface, distance in off.items():
-                shares[surface] *= min(1.0, 0.8 * math.sqrt(chord / max(distance, 1e-12)))
+                shares[surface] *= max(0.5, min(1.0, 0.9 * math.sqrt(chord / max(distance, 1e-12))))
     raise MeshingError(
         f"{file.name} cannot be told in triangles to {chord:g} mm: {max(off.values()):.3g} mm were reached; take a larger chord"
     )
@@ -247,18 +247,38 @@ def _distance(surface: int, chord: float) -> float:
     index[tags.astype(int)] = np.arange(len(tags))
     own = index[nodes.astype(int).reshape(-1, 3)]
 
-    def middles(values: Array) -> Array:
-        corners = values[own]
-        return np.concatenate([corners.mean(axis=1), *(0.5 * (corners[:, k] + corners[:, k - 1]) for k in range(3))])
-
-    looked = middles(places.reshape(-1, 3))
-    near = np.reshape(gmsh.model.getValue(2, surface, middles(at.reshape(-1, 2)).ravel()), (-1, 3))
+    corners = places.reshape(-1, 3)[own]
+    looked = _middles(corners)
+    if gmsh.model.getType(2, surface) == "Sphere":
+        return float(_off_sphere(corners.reshape(-1, 3), looked).max())
+    parameters = at.reshape(-1, 2)[own]
+    low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
+    half = 0.5 * (high - low)
+    # A triangle that reaches over the seam of a closed surface is put together on one side of it.
+    wide = np.ptp(parameters, axis=1, keepdims=True) > half
+    parameters = parameters + np.where(wide & (parameters < low + half), 2.0 * half, 0.0)
+    near = np.reshape(gmsh.model.getValue(2, surface, _middles(parameters).ravel()), (-1, 3))
     distance = np.linalg.norm(near - looked, axis=1)
     unsure = distance > chord
     if unsure.any():
         nearest, _ = gmsh.model.getClosestPoint(2, surface, looked[unsure].ravel())
-        distance[unsure] = np.linalg.norm(np.reshape(nearest, (-1, 3)) - looked[unsure], axis=1)
+        other = np.linalg.norm(np.reshape(nearest, (-1, 3)) - looked[unsure], axis=1)
+        distance[unsure] = np.minimum(distance[unsure], other)
     return float(distance.max())
+
+
+def _middles(corners: Array) -> Array:
+    """Means of the corners of triangles, (m, 3, d), and of each two of them, shape (4 m, d)."""
+    return np.concatenate([corners.mean(axis=1), *(0.5 * (corners[:, k] + corners[:, k - 1]) for k in range(3))])
+
+
+def _off_sphere(on: Array, looked: Array) -> Array:
+    """Distances of points from the sphere through others: the kernel's nearest point may lie at its far side."""
+    middle = on.mean(axis=0)
+    rows = np.column_stack([2.0 * (on - middle), np.ones(len(on))])
+    found = np.linalg.lstsq(rows, ((on - middle) ** 2).sum(axis=1), rcond=None)[0]
+    radius = math.sqrt(found[3] + found[:3] @ found[:3])
+    return np.asarray(np.abs(np.linalg.norm(looked - middle - found[:3], axis=1) - radius))
 
 
 def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, Array]:
