@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.errors import MeshingError
+from softmodels.design.mould.facet_sizes import set_sizes
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]
@@ -18,12 +19,10 @@ SHARE = 0.72
 """Length of an edge over that of the chord which is exactly as far off as allowed: triangles reach farther than their edges."""
 ROUNDS = 4
 """How often the triangles are made finer where they turn out too coarse."""
-MANY = 10_000
+FINE_ENOUGH = 10_000
 """Triangles above which second order measures a volume well enough; fewer and larger ones are curved to fourth."""
-ASTRAY = 0.7
+LEAST_COSINE = 0.7
 """Cosine between a surface's normal and a triangle's below which it is none: triangles this fine turn by far less."""
-PLANAR, DELAUNAY = 3, 6
-"""Gmsh's algorithms: a plane needs no nodes inside."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +86,7 @@ def facets_of(file: Path, chord: float) -> Facets:
         surfaces = [tag for _, tag in gmsh.model.getBoundary([(3, solid)], oriented=False)]
         shares = dict.fromkeys(surfaces, SHARE)
         for _ in range(ROUNDS):
-            _set_sizes(solid, shares, chord)
+            set_sizes(solid, shares, chord)
             gmsh.model.mesh.clear()
             gmsh.model.mesh.generate(2)
             off = {surface: _distance(surface, chord) for surface in surfaces}
@@ -110,48 +109,6 @@ def read_step(file: Path) -> int:
     gmsh.model.occ.synchronize()
     ((_, solid),) = gmsh.model.getEntities(3)
     return int(solid)
-
-
-def _set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
-    """Edges as long as the curvature allows, times a share for each face, on the face and on the curves around it."""
-    import gmsh
-
-    low, high = np.reshape(gmsh.model.getBoundingBox(3, solid), (2, 3))
-    largest = 0.25 * float(np.linalg.norm(high - low))
-    sizes: dict[tuple[int, int], float] = {}
-    for surface, share in shares.items():
-        plane = gmsh.model.getType(2, surface) == "Plane"
-        gmsh.model.mesh.setAlgorithm(2, surface, PLANAR if plane else DELAUNAY)
-        size = largest if plane else min(largest, share * 2.0 * math.sqrt(2.0 * chord / _curvature(surface)))
-        sizes[2, surface] = size
-        for _, curve in gmsh.model.getBoundary([(2, surface)], combined=False, oriented=False):
-            bent = _bend(curve)
-            along = min(size, share * 2.0 * math.sqrt(2.0 * chord / bent)) if bent > 0.0 else size
-            sizes[1, curve] = min(along, sizes.get((1, curve), largest))
-    gmsh.option.setNumber("Mesh.MeshSizeMax", largest)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: sizes.get((dim, tag), largest))
-
-
-def _curvature(surface: int) -> float:
-    """Largest principal curvature at some points of a face, 1/mm."""
-    import gmsh
-
-    low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
-    grid = np.array(
-        [low + (high - low) * (a, b) for a in np.linspace(0.05, 0.95, 7) for b in np.linspace(0.05, 0.95, 7)]
-    )
-    most, least, _, _ = gmsh.model.getPrincipalCurvatures(surface, grid.ravel())
-    values = np.abs(np.concatenate([most, least]))
-    return max(float(values[np.isfinite(values)].max(initial=0.0)), 1e-6)
-
-
-def _bend(curve: int) -> float:
-    """Largest curvature of a curve, 1/mm."""
-    import gmsh
-
-    low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
-    values = np.abs(gmsh.model.getCurvature(1, curve, np.linspace(low, high, 9)[1:-1]))
-    return float(values[np.isfinite(values)].max(initial=0.0))
 
 
 def _measured(surfaces: list[int], chord: float) -> Facets:
@@ -227,7 +184,7 @@ def _normals(surface: int, corners: Cells) -> Array:
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
     flat *= np.sign(np.einsum("ikj,ij->i", found, flat))[:, None]
     # At a pole the surface's parameters give no normal, or a wrong one; the triangle's stands in.
-    lost = np.einsum("ikj,ij->ik", found, flat) < ASTRAY
+    lost = np.einsum("ikj,ij->ik", found, flat) < LEAST_COSINE
     return np.asarray(np.where(lost[:, :, None], flat[:, None], found))
 
 
@@ -291,7 +248,7 @@ def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, 
     """
     import gmsh
 
-    gmsh.model.mesh.setOrder(4 if count < MANY else 2)
+    gmsh.model.mesh.setOrder(4 if count < FINE_ENOUGH else 2)
     volume, moment = 0.0, np.zeros(3)
     for surface, turn in turns.items():
         for kind in gmsh.model.mesh.getElementTypes(2, surface):
