@@ -21,6 +21,8 @@ SHOWN_LIMITS = 7
 """Most limits with a curve of their own in the history: those that come nearest."""
 BEFORE, AFTER = BRANCH, CURVE
 COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
+NEAR = -0.3
+"""Share of a limit within which it has a curve."""
 DEEPEST = -0.6
 """Lowest share of a limit that the history shows: what is further inside says no more."""
 
@@ -37,13 +39,11 @@ def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm
     axes, column = figure.subplots(), f"{gauge}_mm"
     for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
         places = np.array([[row["pressure_cm"], row[column]] for row in rows])
-        axes.plot(*smooth(places).T, color=colour, label=words)
-        axes.plot(*places.T, "o", color=colour, markersize=3.5)
         asked = places[[bool(row["requested"]) for row in rows]]
+        end = f": {asked[-1, 1]:.4g} mm at {asked[-1, 0]:.4g} cm" if len(asked) else ""
+        axes.plot(*smooth(places).T, color=colour, label=f"{words}{end}")
+        axes.plot(*places.T, "o", color=colour, markersize=3.5)
         axes.plot(*asked.T, "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
-        if len(asked):
-            x, y = asked[-1]
-            axes.annotate(f"{y:.4g} mm", (x, y), xytext=(-12, -3), textcoords="offset points", color=colour, ha="right")
         for row in limits(rows):
             axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9,
                       label=f"limit point, {words}: {row['pressure_cm']:.4g} cm")  # fmt: skip
@@ -80,7 +80,7 @@ def history(told: DesignTold) -> Figure:
     unit = f" in {objective['unit']}" if objective["unit"] else ""
     top.set_ylabel(wrapped(f"{objective['words']}{unit}", 3.6, 12))
     top.legend(loc="best")
-    below.set(xlabel="design", ylabel=f"share by which a limit is passed (from {DEEPEST:g} on)")
+    below.set(xlabel="design", ylabel="share by which a limit is passed")
     below.xaxis.get_major_locator().set_params(integer=True)
     return figure
 
@@ -98,7 +98,12 @@ def _failures(top: Axes, below: Axes, trials: Sequence[TrialTold]) -> None:
             top.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4, label=label)
             below.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4)
             label = ""
+    fresh = "confirmed, and gone on with on a fresh mesh"
     for before, after in itertools.pairwise(trials):
+        if after["mesh"] != before["mesh"] and after["start"] == before["start"]:
+            top.axvline(after["number"] - 0.5, color=FAINT, linestyle="--", linewidth=1.2, label=fresh)
+            below.axvline(after["number"] - 0.5, color=FAINT, linestyle="--", linewidth=1.2)
+            fresh = ""
         if after["start"] != before["start"]:
             for axes in (top, below):
                 axes.axvline(after["number"] - 0.5, color=INK, linewidth=0.8)
@@ -111,7 +116,8 @@ def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -
     nearest = sorted(
         told["limits"], key=lambda limit: -max([v for v in limit["passed"] if v is not None], default=-np.inf)
     )
-    for k, limit in enumerate(nearest[:SHOWN_LIMITS]):
+    near = [limit for limit in nearest if np.nanmax(_numbers(limit["passed"]), initial=-np.inf) > NEAR][:SHOWN_LIMITS]
+    for k, limit in enumerate(near):
         passed = np.maximum(_numbers(limit["passed"]), DEEPEST)
         for n, start in enumerate(dict.fromkeys(starts)):
             mine = starts == start
@@ -120,9 +126,10 @@ def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -
     if not nearest:
         axes.annotate("no limits were asked for", (0.5, 0.5), xycoords="axes fraction", ha="center", color=FAINT)
         return
-    axes.legend(loc="best", fontsize=9.5)
-    if len(nearest) > SHOWN_LIMITS:
-        axes.set_title(f"the {SHOWN_LIMITS} nearest of {len(nearest)} limits", fontsize=11)
+    if near:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, fontsize=9.5, frameon=False)
+    if rest := len(nearest) - len(near):
+        axes.set_title(f"{rest} further limit{'s' if rest > 1 else ''}, well inside, not shown", fontsize=11)
 
 
 def parameters(told: Sequence[ParameterTold]) -> Figure:
