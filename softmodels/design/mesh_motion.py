@@ -77,8 +77,8 @@ class MeshMotion:
         """Dimensionless places of the owned nodes on the mesh as it was made, shape (n, 3)."""
         return self._places[self._nodes[: self.space.dofmap.index_map.size_local]]
 
-    def now(self, node: int) -> Array:
-        """Dimensionless place of a node of `space`, shape (d,)."""
+    def now(self, node: int | npt.NDArray[np.int64]) -> Array:
+        """Dimensionless places of nodes of `space` on the mesh as it is now, shape (..., d)."""
         return self.body.mesh.geometry.x[self._nodes[node], : self.dimension]
 
     # -- moving ---------------------------------------------------------------------------------------------------------

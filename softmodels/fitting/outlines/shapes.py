@@ -116,7 +116,7 @@ def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tu
     chosen = sorted((outline.measured() for outline in outlines), key=lambda outline: outline.pressure)
     _check_pressures(chosen)
     _check_sizes(chosen, actuator, width)
-    cut = [(outline, _above(outline)) for outline in chosen]
+    cut = [(outline, rising(outline)) for outline in chosen]
     notes = [
         f"{outline.source}: nothing rises more than {_floor(outline) * 1e3:.2g} mm, so it says nothing and is left out"
         for outline, kept in cut
@@ -139,7 +139,7 @@ def correlation(outlines: Sequence[Outline]) -> float:
     """
     found = []
     for outline in outlines:
-        part = _above(outline)
+        part = rising(outline)
         if part is None or part.stop - part.start < 2 * KNOT:
             continue
         z, error = outline.z[part], outline.error[part]
@@ -163,7 +163,7 @@ def _floor(outline: Outline) -> float:
     return max(FLOOR, FLOOR_ERRORS * float(np.median(outline.error)))
 
 
-def _above(outline: Outline) -> slice | None:
+def rising(outline: Outline) -> slice | None:
     """The points between the outermost places at which three neighbours lie above the floor; None if there are too few.
 
     A cut by place: a cut by each point's own height would keep those whose errors point up. So would the places themselves,

@@ -53,7 +53,7 @@ class Silhouette:
         body, actuator = eq.body, eq.body.actuator
         grid = Grid(eq)
         skew, _ = displacement_maps(eq, grid)
-        nodes = _edge_nodes(eq, grid.space, _outer_edges(body))
+        nodes = edge_nodes(eq, grid.space, outer_edges(body))
         here = grid.space.tabulate_dof_coordinates() * eq.length_unit
         places = actuator.device_points(here)[nodes]
         self._dofs = skew[nodes]
@@ -116,7 +116,7 @@ class Silhouette:
         return float(np.abs(z[on_top]).max(initial=0.0))
 
 
-def _outer_edges(body: Body) -> npt.NDArray[np.int32]:
+def outer_edges(body: Body) -> npt.NDArray[np.int32]:
     """Local edges of the outer curve: outer facets of a section; edges of both an outer and a cut facet of a slice."""
     dim = body.actuator.dimension
     roles = [role for role in (OUTER, *body.actuator.faces) if role in body.entities]
@@ -138,14 +138,14 @@ def _outer_edges(body: Body) -> npt.NDArray[np.int32]:
     return np.intersect1d(edges(facets), edges(plane)).astype(np.int32)
 
 
-def _edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
-    """Local nodes of edges in a second-order space: both ends, then the middle; shape (m, 3)."""
+def edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+    """Local nodes of edges in a space of first or second order: both ends, then the middle; shape (m, 2 or 3)."""
     topology = eq.body.mesh.topology
     dim = topology.dim
     topology.create_connectivity(1, dim)
     topology.create_connectivity(dim, 1)
     cells_of, edges_of, layout = topology.connectivity(1, dim), topology.connectivity(dim, 1), space.dofmap.dof_layout
-    nodes = np.empty((len(edges), 3), dtype=np.int64)
+    nodes = np.empty((len(edges), len(layout.entity_closure_dofs(1, 0))), dtype=np.int64)
     for row, edge in enumerate(edges):
         cell = cells_of.links(edge)[0]
         number = int(np.flatnonzero(edges_of.links(cell) == edge)[0])
