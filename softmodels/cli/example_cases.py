@@ -112,3 +112,41 @@ cavity2.volume_ml = [0, 0, 0.02]
 """,
 }
 """Text by name of the file."""
+
+PROBLEMS = {
+    "problems/higher.toml": """# softmodels design: where to put the silicone of a membrane, so that it rises highest
+name = "higher"
+
+[case.geometry]
+device = "HollowDisk"
+section = "axisymmetric"
+profile = [1.0, 1.0, 1.0, 1.0]
+
+[case.material]
+law = "neo-hookean"
+shear_modulus = "30 kPa"
+
+[case.load]
+pressure_cm = "0:177"
+
+[parameters]                            # each entry of the profile: thickness over the mean one, from the middle outwards
+profile = { from = 0.6, to = 1.7 }
+
+[maximise]
+quantity = "rise"
+of = "apex"
+at = "177 cm"
+
+[[keep]]
+quantity = "mass"
+at_most = "20.5 g"
+
+[[keep]]
+quantity = "limit_margin"               # limit pressure over the highest pressure asked at
+at_least = 1.25
+
+[tolerances]                            # one standard deviation; with it all limits hold with 95 %
+base = "0.1 mm"
+""",
+}
+"""Design problems, likewise."""

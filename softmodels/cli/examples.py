@@ -16,7 +16,7 @@ import numpy as np
 from measurement.synthetic.boards import chessboard
 from measurement.synthetic.photographer import Scene, save
 from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
-from softmodels.cli.example_cases import CASES
+from softmodels.cli.example_cases import CASES, PROBLEMS
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.materials.homogeneous import nominal_stress
 
@@ -130,7 +130,7 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
     """
     folder = Folder(path)
     folder.add("README.txt", lambda file: file.write_text(README, encoding="utf-8"))
-    for name, text in CASES.items():
+    for name, text in {**CASES, **PROBLEMS}.items():
         folder.add(name, lambda file, text=text: file.write_text(text, encoding="utf-8"))  # type: ignore[misc]
     folder.add("pull.csv", lambda file: file.write_text(tensile_curve(), encoding="utf-8"))
     folder.add("truth.txt", lambda file: file.write_text(f"{told_truth()}, a leak of 1 %\n", encoding="utf-8"))
