@@ -69,6 +69,7 @@ class WorkingStates:
         self.limit: LimitPoint | None = None
         self.bifurcation: Bifurcation | None = None
         self._bifurcations = bifurcations
+        self._witness: State | None = None
         self.newton = 0
         self._rest_volume = 0.0
 
@@ -80,7 +81,7 @@ class WorkingStates:
         Raises:
             DesignFailure: A load is not met.
         """
-        self.states, self.limit, self.bifurcation = {}, None, None
+        self.states, self.limit, self.bifurcation, self._witness = {}, None, None, None
         self._rest_volume = self.design.volume_at_rest()
         by_pressure = sorted(load for load in self.loads if load.kind == PRESSURE)
         self._trace_pressures(by_pressure)
@@ -112,6 +113,8 @@ class WorkingStates:
             if len(met) < len(loads):
                 raise self._failure(loads[len(met)], end) from end
         self.states |= dict(zip(loads, met, strict=False))
+        # Where the path passes the highest pressure without a limit point, the state there shows that later designs' do too.
+        self._witness = met[-1] if limit is None and len(met) > len(loads) else None
         try:
             if limit is not None and self.highest:
                 self.limit = self._limit_near(limit.state, limit.tangent)
@@ -151,7 +154,9 @@ class WorkingStates:
         """
         before, rest = self._rest_volume, self.design.volume_at_rest()
         found = {load: self._solve(load, state, rest) for load, state in self.states.items()}
-        limit = None
+        witness, limit = self._witness, None
+        if witness is not None:
+            witness = self._solve(Load(PRESSURE, self.highest), witness, rest)
         if self.limit is not None:
             start = self.limit.state
             moved = dataclasses.replace(start, V=start.V - before + rest)
@@ -165,6 +170,7 @@ class WorkingStates:
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - before + rest, forked.mode, rest)
         self.states, self.limit, self.bifurcation, self._rest_volume = found, limit, forked, rest
+        self._witness = witness
 
     def _solve(self, load: Load, guess: State, rest: float) -> State:
         system = self.system

@@ -13,7 +13,7 @@ from softmodels.design.model import DesignModel
 from softmodels.design.quantities.limits import LimitPressure
 from softmodels.design.quantities.places import Rise
 from softmodels.design.quantities.volumes import AddedVolume
-from softmodels.materials.laws import Yeoh
+from softmodels.materials.laws import NeoHookean, Yeoh
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
 LENGTHS = (
@@ -97,3 +97,17 @@ def test_designs_are_carried(designed, thin_disk, of_all_kinds, comm, figure):
         figure(
             "a fresh mesh", "a carried mesh with lengths changed by 10 %", far.values[key] / fresh.values[key] - 1, 3e-3
         )
+
+
+def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
+    """A design whose path met no limit point up to the highest pressure is followed to one that has it below."""
+    case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), pressures_cm=(10.0,))
+    model = DesignModel(case, ("membrane",), (Rise(at=1000.0), LimitPressure()), comm, highest=3300.0)
+    without = model.evaluate(model.start)
+    assert without.values["limit pressure"] == 3300.0 and any("none up to 3.3 kPa" in note for note in without.notes)
+    thinner = model.evaluate(0.9 * model.start)
+    fresh = model.confirm(0.9 * model.start)
+    model.release()
+    assert fresh.values["limit pressure"] < 3200.0
+    assert thinner.values["limit pressure"] == pytest.approx(fresh.values["limit pressure"], rel=1e-3)
+    assert abs(thinner.gradients["limit pressure"][0]) > 0.0

@@ -62,6 +62,39 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
     found["lowest eigenvalue"] = [points[0].signature.lowest, points[-1].signature.lowest]
     found.update(bifurcation(Solver(System(Body.from_file(TWIN, twin, comm), Yeoh(10e3, 20.0, 3.0, 0.495)))))
     found["pair, one volume held and then changed"] = program(comm, pair)
+    found["design, values and gradients"] = design(comm)
+    return found
+
+
+def design(comm) -> list[float]:
+    """Quantities of a design and their gradients by lengths and the silicone, on its own mesh and on one that has moved."""
+    import numpy as np
+
+    from softmodels.case.case import Case
+    from softmodels.design.loads import Load
+    from softmodels.design.model import DesignModel
+    from softmodels.design.quantities.limits import LimitMargin
+    from softmodels.design.quantities.peaks import MaxStretch
+    from softmodels.design.quantities.places import Rise
+    from softmodels.design.quantities.volumes import AddedVolume, Mass
+    from softmodels.materials.laws import NeoHookean
+
+    quantities = (
+        Rise(at=2000.0),
+        MaxStretch(at=2000.0),
+        AddedVolume(at=2000.0),
+        Rise(at=Load("volume", 40e-6)),
+        LimitMargin(),
+        Mass(),
+    )
+    case = Case(name="design", actuator=SECTION, material=NeoHookean(20e3, 0.49), pressures_cm=(20.0,))
+    model = DesignModel(case, ("membrane", "cavity_radius"), quantities, comm, materials=("shear_modulus",))
+    found = []
+    for shares in ((1.0, 1.0), (1.05, 0.97)):
+        judged = model.evaluate(model.start * shares)
+        found += [*judged.values.values(), *np.hstack(list(judged.gradients.values()))]
+        found += [rate for rates in judged.material_gradients.values() for rate in rates.values()]
+    model.release()
     return found
 
 
