@@ -13,6 +13,7 @@ from softmodels.design.errors import DesignError
 from softmodels.design.free import closest
 from softmodels.design.loads import PRESSURE, VOLUME, Load
 from softmodels.design.quantities.base import Quantity
+from softmodels.design.target_path import read_target
 from softmodels.design.units import factor, read, shown_unit, text
 
 CLEARANCES = "clearances"
@@ -110,6 +111,8 @@ class Reader:
             return [self._checked(cast("Asked", entry), where)]
         kind = self._kind(entry.get("quantity"), where)
         fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
+        if "target" in fields and "file" in entry:
+            entry = self._with_target(entry, where)
         for key in entry:
             if key not in ("quantity", *fields, *more):
                 names = [name for name in fields if name != "at" or _at_pressure(kind)]
@@ -127,6 +130,18 @@ class Reader:
             raise DesignError(f"{where}: {kind.name} is not taken at a pressure; leave at out")
         return [self._made(kind, {**given, **({} if place is None else {"at": place})}, where) for place in places]
 
+    def _with_target(self, entry: Mapping[str, object], where: str) -> dict[str, object]:
+        """The table with its file's rows in the file's place."""
+        name, of = entry["file"], entry.get("of") or self.case.actuator.gauge
+        if not isinstance(name, str):
+            raise DesignError(f"{where}: file is {brief(name)}; it must be a file's name")
+        target = read_target((self.folder or Path()) / name, str(of), self.case.cm)
+        if (highest := max(row[0] for row in target)) > self.case.goals[-1] * (1 + 1e-9):
+            raise DesignError(
+                f"{where}: {name} goes up to {highest / self.case.cm:.5g} cm, above the case's last pressure"
+            )
+        return {**{key: value for key, value in entry.items() if key != "file"}, "target": target}
+
     def _kind(self, name: object, where: str) -> type[Asked]:
         if name is None:
             raise DesignError(f"{where} names no quantity; {closest('', self.registry)}")
@@ -137,7 +152,7 @@ class Reader:
     def _given(self, key: str, value: object) -> object:
         if key == "file" and isinstance(value, str) and self.folder is not None:
             return str(self.folder.resolve() / value)
-        return tuple(value) if isinstance(value, list) else value
+        return _tuples(value)
 
     def _made(self, kind: type[Asked], values: Mapping[str, object], where: str) -> Asked:
         try:
@@ -183,6 +198,11 @@ class Reader:
         if entry.get(side) is None:
             return None
         return read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
+
+
+def _tuples(value: object) -> object:
+    """Lists, and lists in them, as tuples."""
+    return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
 
 
 def _at_pressure(kind: object) -> bool:

@@ -114,7 +114,9 @@ class Evaluating:
         try:
             made = Trial.of(place, self.model.evaluate(theta), time.monotonic() - begun)
         except (DesignFailure, GeometryError, MeshingError) as error:
-            made = Trial(*place, seconds=time.monotonic() - begun, failure=str(error))
+            limit = getattr(error, "limit", None)
+            more = "" if limit is None else f" (its limit is at {limit / self.problem.case.cm:.4g} cm)"
+            made = Trial(*place, seconds=time.monotonic() - begun, failure=f"{error}{more}")
         except ValueError as error:  # a quantity that this device does not have
             if self.trials.all:
                 raise

@@ -195,7 +195,7 @@ def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: f
     """A trial in one line, for the terminal."""
     head = f"design {trial.number:3d} (start {trial.start})"
     if trial.failed or form is None:
-        return f"{head}  {trial.failure or 'judged'}; stepping back  {trial.seconds:.1f} s"
+        return f"{head}  {trial.failure or 'judged'}{'' if trial.number == 1 else '; stepping back'}  {trial.seconds:.1f} s"
     asked = problem.terms[0].quantity
     worst, row = form.worst(trial)
     told = "no limits" if row is None else f"{row.text}: {in_words(row.keep.quantity, trial.values[row.key])}"

@@ -67,6 +67,7 @@ class Formulation:
     def __init__(self, problem: DesignProblem, first: Trial):
         self.problem, self.first = problem, first
         self.corrections: dict[str, float] = {}
+        self.safety: Array | float = 0.0
         self.spread = Spread(problem.names, problem.spreads, problem.errors)
         self.low = np.array([one.low for one in problem.free])
         self.width = np.array([one.width for one in problem.free])
@@ -116,7 +117,7 @@ class Formulation:
         """How far each limit is passed, in its scale; below zero where it is kept. Shape (rows,)."""
         taken = self.allowances(trial) if allowances is None else allowances
         values = {row.key: trial.values[row.key] * self.corrections.get(row.key, 1.0) for row in self.rows}
-        return self.passed(values, taken)
+        return self.passed(values, taken) + self.safety
 
     def passed(self, values: Mapping[str, float], allowances: Array) -> Array:
         """How far values pass each limit, in its scale; shape (rows,)."""
@@ -127,13 +128,19 @@ class Formulation:
             ]
         )
 
-    def corrected(self, trial: Trial, confirmed: Mapping[str, float]) -> Formulation:
+    def corrected(self, trial: Trial, confirmed: Mapping[str, float], safety: Array) -> Formulation:
         """The same with limits on values as a fresh mesh has them, known of one design: others differ by the same factor.
 
         The smooth maxima of stretch and stress are fixed to the true ones where a mesh was made, so they drift as it moves (as
         Le and others 2010, doi 10.1007/s00158-009-0440-y, whose constant is renewed likewise); a finer mesh differs too.
+
+        Args:
+            trial: The design in the search.
+            confirmed: Its values on the fresh mesh.
+            safety: Further share by which each limit is to be kept, shape (rows,).
         """
         made = Formulation(self.problem, self.first)
+        made.safety = safety
         made.corrections = {
             row.key: confirmed[row.key] / trial.values[row.key]
             for row in self.rows

@@ -143,8 +143,10 @@ class DesignModel:
                 if self.meshed.design.motion.quality() >= POOREST:
                     return False
                 self.report("meshed again: the moved cells have become poor")
-            self.release()
-        self.meshed = MeshedDesign.fresh(self.case, device, self.question, self.comm)
+        # A design that fails leaves the mesh of the one before, to which a search steps back.
+        fresh = MeshedDesign.fresh(self.case, device, self.question, self.comm)
+        self.release()
+        self.meshed = fresh
         return True
 
     # -- values and gradients -------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from softmodels.design.errors import DesignStopped
 from softmodels.design.evaluating import EnoughError, Evaluating
 from softmodels.design.formulation import Formulation, Scaled
+from softmodels.design.multipliers import MET
 from softmodels.design.result import StartEnd
 from softmodels.design.search import search
 from softmodels.design.trials import Trial
@@ -19,11 +20,10 @@ PASSES = 4
 """Of a robust search: standard deviations are fixed while it goes on, and taken anew where it ended."""
 SETTLED = 1e-3
 """Change of what they take, in shares of a limit, from which on a robust search has ended."""
-CORRECTIONS = 3
+CORRECTIONS = 4
 """Times that a search goes on from its end on a fresh mesh."""
-KEPT, FAR_INSIDE, SAME = 1e-3, 0.05, 5e-3
-"""Shares of a limit: passed by at most this it is kept; further inside than this it does not matter; the fresh mesh's values
-are those of the search within this."""
+WASTED = 0.02
+"""Share of a limit that may be left on the fresh mesh where the search has left none, before it goes on."""
 
 
 def follow(under_way: Evaluating, theta: Array) -> StartEnd:
@@ -36,42 +36,49 @@ def follow(under_way: Evaluating, theta: Array) -> StartEnd:
     form = under_way.form
     assert form is not None
     seen: list[Trial] = []
-    confirmed, trouble = dict[str, float](), ""
-    best: Trial | None = None
-    why = ""
+    ends: list[StartEnd] = []
     try:
         why = _searched(under_way, form, theta, seen)
         best = form.best(seen)
         if best is None or not under_way.how.get("confirm", True):
             return StartEnd(under_way.start, best, form, why=why)
-        confirmed, trouble = under_way.confirmed(best)
-        for _ in range(CORRECTIONS):
-            if trouble or not form.feasible(best) or _as_confirmed(form, best, confirmed):
-                break
+        ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
+        safety = np.zeros(len(form.rows))
+        while len(ends) <= CORRECTIONS and _differs(ends[-1], len(ends)):
             under_way.tell("on a fresh mesh limits are passed otherwise than in the search: it goes on from there")
+            if len(ends) > 1:  # meshes differ by chance too
+                safety = np.maximum(safety, _apart(ends[-1]))
             under_way.fresh_mesh()
             again = under_way.trial(np.array(best.theta))
             if again.failed:
-                return StartEnd(under_way.start, best, form, confirmed, again.failure)
-            form, seen = under_way.form.corrected(again, confirmed), [again]  # type: ignore[union-attr]
+                break
+            form, seen = under_way.form.corrected(again, ends[-1].confirmed, safety), [again]  # type: ignore[union-attr]
             why = _searched(under_way, form, np.array(again.theta), seen)
             best = form.best(seen) or again
-            confirmed, trouble = under_way.confirmed(best)
+            ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
     except DesignStopped:
-        if not best or (seen and form.best(seen) is not None):
-            best, confirmed = form.best(seen), {}
-        return StartEnd(under_way.start, best, form, confirmed, "", StartEnd.STOPPED)
-    return StartEnd(under_way.start, best, form, confirmed, trouble, why)
+        found = form.best(seen)
+        if not ends or found is not None:
+            return StartEnd(under_way.start, found, form, {}, "", StartEnd.STOPPED)
+        return dataclasses.replace(ends[-1], why=StartEnd.STOPPED)
+    return min(ends, key=StartEnd.order)
 
 
-def _as_confirmed(form: Formulation, best: Trial, confirmed: Mapping[str, float]) -> bool:
-    """Whether limits are kept on the fresh mesh, and those that matter as nearly as in the search."""
-    if not form.rows:
-        return True
-    allowances = form.allowances(best)
-    fresh, searched = form.passed(confirmed, allowances), form.violations(best)
-    matter = np.maximum(fresh, searched) > -FAR_INSIDE
-    return bool(fresh.max() <= KEPT and np.abs(fresh - searched)[matter].max(initial=0.0) <= SAME)
+def _apart(end: StartEnd) -> Array:
+    """By how much more each limit is passed on the fresh mesh than in the search, in shares of it."""
+    assert end.best is not None
+    allowances = end.form.allowances(end.best)
+    return end.form.passed(end.confirmed, allowances) - (end.form.violations(end.best) - end.form.safety)
+
+
+def _differs(end: StartEnd, rounds: int) -> bool:
+    """Whether a search has to go on: limits are passed on the fresh mesh, or the first time left unused there."""
+    if end.trouble or end.best is None or not end.form.rows or not end.form.feasible(end.best):
+        return False
+    fresh = end.form.passed(end.confirmed, end.form.allowances(end.best))
+    met = end.form.violations(end.best) > -MET
+    unused = rounds <= 2 and bool(met.any()) and float(fresh[met].max()) < -WASTED
+    return unused or not end.feasible
 
 
 def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list[Trial]) -> str:
@@ -99,6 +106,8 @@ def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list
                 before = set(under_way.visited)
                 trial = judged(point)
                 other_mesh = trial.remeshed and trial.number not in before
+                if other_mesh:
+                    del seen[:-1]  # values of one mesh are compared alone
                 return None if trial.failed else form.scaled(trial, allowances, other_mesh)
 
             end = search(evaluate, end)

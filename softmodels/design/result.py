@@ -193,6 +193,12 @@ class DesignResult:
     def reasons(self) -> list[str]:
         """What holds the design back."""
         holders = self.holding.holders
+        if not self.feasible and self.form.feasible(self.best):
+            passed = (
+                f"limits that the search keeps are passed by up to {self.end.passed:.2%} of them on the fresh mesh: meshes of "
+                "this size differ by so much; use smaller cells, or ask for a little more than is needed"
+            )
+            return [passed, *(one.sentence for one in holders)]
         if self.feasible:
             if not holders and self.holding.balanced:
                 return ["no limit holds it back: no small change is better"]
