@@ -83,8 +83,8 @@ def told(asked: Asked, found: Made) -> list[str]:
             f"{body.checked.gap * 1e3:.3g} mm, STL within {body.checked.chord * 1e6:.3g} um"
         )
     lines.append(
-        f"casts: {found.cast_volume * 1e6:.4g} ml; they differ from the device ({found.volume * 1e6:.5g} ml) by "
-        f"{found.differs:.2g} of its volume"
+        f"casts: {found.cast_volume * 1e6:.5g} ml in the mould; shrunk and bonded they are the device "
+        f"({found.volume * 1e6:.5g} ml, of which the tube takes {found.plug * 1e6:.2g} ml) to {found.differs:.2g}"
     )
     return lines
 

@@ -52,7 +52,7 @@ def exploded_picture(made: Made) -> Figure:
     with studio(camera) as shoot:
         image = shoot(layers)
     wide = np.full((image.shape[0], 200, 3), 255, dtype=np.uint8)
-    text = "The mould, apart along the pull; from below: cup, cast, lid of the lower half; lid, cast, cup of the upper half"
+    text = "The mould, apart along the pull, with what is cast in it between"
     return page(np.concatenate([wide, image, wide], axis=1), text)
 
 

@@ -201,6 +201,7 @@ def test_undercuts_are_refused_by_name(part_of):
         ({"pour": "0.8 mm"}, "the wider one"),
         ({"pour": "12 mm"}, "leaves room for"),
         ({"tube": "0.5 mm"}, "thinner than the printer"),
+        ({"tube": "50 mm"}, "of silicone to the part's outside"),
         ({"shrinkage": 0.3}, "silicones shrink by"),
         ({"surplus": -1.0}, "surplus"),
         ({"chord": "1 um"}, "chord"),

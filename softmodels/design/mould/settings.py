@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from geometries.fields import angle_field, choice_field, length_field, number_field, settle, shown, text_field
+from measurement.wording import Spoken
 
 STEEPEST = 15.0
 """Largest draft in degrees; more is a cone and no draft."""
@@ -19,7 +20,7 @@ FINEST_CHORD = 2e-6
 """m; a finer STL is finer than any printer and larger than any slicer takes."""
 
 
-class MouldError(ValueError):
+class MouldError(Spoken, ValueError):
     """A mould that cannot be made as asked; the message is a sentence for the user."""
 
 

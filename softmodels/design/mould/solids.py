@@ -23,6 +23,8 @@ MM = 1e3
 """Lengths in the model over those in m."""
 NEAR = 1e-6
 """What counts as nothing, as a share of the part's size."""
+LEAST_SILICONE = 0.5e-3
+"""Thinnest silicone around a tube, m: less tears as the tube is pushed in."""
 OTHER_SIDE = {"upper": -1.0, "lower": 1.0}
 """Halves by name, and along which direction of z their mould's lid lies."""
 
@@ -198,6 +200,15 @@ def _inlet(parting: Parting, workshop: Workshop, envelope: Solid) -> list[Solid]
     along = end - begin
     length, radius = float(np.linalg.norm(along)), 0.5 * MM * workshop.tube
     upright = abs(float(along @ np.asarray(parting.pull))) > 0.5 * length
+    around = (3, gmsh.model.occ.addCylinder(*begin, *along, radius + MM * LEAST_SILICONE))
+    inside = gmsh.model.occ.intersect(gmsh.model.occ.copy([around]), [envelope], removeTool=False)[0]
+    found = sum(gmsh.model.occ.getMass(*solid) for solid in inside)
+    if found < (1.0 - NEAR) * gmsh.model.occ.getMass(*around):
+        raise MouldError(
+            f"tube is {shown(workshop.tube, 'm')}; it leaves less than {shown(LEAST_SILICONE, 'm')} of silicone to the part's "
+            "outside"
+        )
+    gmsh.model.occ.remove([around], recursive=True)
     if not upright:
         core = gmsh.model.occ.addCylinder(*begin, *along, radius)
     else:
