@@ -5,10 +5,10 @@ parameters in closed form (tests/benchmarks/optimisers.py): evaluations to the e
 
 | problem | SLSQP, elastic | SLSQP | MMA | CCSA | trust-constr |
 |---|---|---|---|---|---|
-| limits inactive at the start | 13, 13, 21 | 13, 13, 21 | 26, 27, 28 | 37, 36, 39 | 29, 18, 13 |
-| trial points without a state | 10, 18, 22 | 10, 13, 24 | 29, 35, 31 | 43, 46, 50 | 43, 23, 19 |
-| limits broken at the start | 5, 6, 8 | 5, 6, 8 | 6, 10, 86 | 9, 14, 11 | 25, 11, 11 |
-| limits that exclude each other | 9, 15, 12 | 111, 96, 376 | 10, 13, 11 | 17, 41, 100 | 100, 100, 100 |
+| limits inactive at the start | 8, 9, 10 | 8, 9, 10 | 17, 21, 22 | 28, 27, 27 | 29, 18, 13 |
+| trial points without a state | 10, 15, 19 | 10, 12, 16 | 17, 20, 22 | 34, 31, 32 | 43, 23, 19 |
+| limits broken at the start | 5, 6, 7 | 5, 6, 7 | 6, 10, 81 | 9, 11, 11 | 25, 11, 11 |
+| limits that exclude each other | 9, 13, 10 | 100, 100, 98 | 10, 13, 11 | 9, 41, 72 | 100, 100, 100 |
 
 In the last row only the elastic form came near the least violation (0.200 of a limit; MMA ended at 0.250, SLSQP at 0.464).
 Elastic means: one more variable t >= 0 by which all limits may be passed, at a price. So the quadratic problem of each step
