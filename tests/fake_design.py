@@ -143,7 +143,7 @@ class FakeModel:
         ahead, back = self.values(theta, 1.0001 * mu), self.values(theta, 0.9999 * mu)
         material = {key: {"shear_modulus": (ahead[key] - back[key]) / (2e-4 * mu)} for key in values}
         return types.SimpleNamespace(values=values, gradients=slopes, material_gradients=material, newton=5, quality=0.9,
-                                     remeshed=False, notes=())  # fmt: skip
+                                     remeshed=False, squares={}, notes=())  # fmt: skip
 
     def confirm(self, theta, finer=1.0):
         return types.SimpleNamespace(values={key: 1.001 * value for key, value in self.values(theta).items()})

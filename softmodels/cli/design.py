@@ -153,7 +153,14 @@ def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
     if result.trouble or not result.feasible:
         print(f"softmodels: {result.trouble or result.reasons[0]}", file=sys.stderr)
     if not quiet:
-        told = [*result.missed, *result.reasons[0 if result.feasible else 1 :], *result.margins, *result.confirmation]
+        found = result.recovered
+        told = [
+            *(found.sentences if found else []),
+            *result.missed,
+            *result.reasons[0 if result.feasible else 1 :],
+            *result.margins,
+            *result.confirmation,
+        ]
         print(result.headline)
         for text in [*told, *filter(None, [result.agreement]), *(f"note: {note}" for note in notes(result))]:
             print(f"  {text}")

@@ -13,6 +13,7 @@ and dP/dtheta = (v . dR/dtheta) / (v . q).
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,8 @@ from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Tangent
 
 if TYPE_CHECKING:
+    from dolfinx import fem
+
     from softmodels.design.designed_body import DesignedBody
     from softmodels.design.quantities.base import Measure, Slopes
     from softmodels.mechanics.system import State
@@ -117,6 +120,38 @@ class Adjoint:
             inner = total(self.system.comm, float(lam @ force))
             by_material[name] = direct - inner - eta * kept
         return motion.gradient(by_X, dict(velocities)), by_material
+
+    @functools.cached_property
+    def _moving(self) -> tuple[fem.Function, list[fem.Form]]:
+        """A motion of the mesh's nodes, and the derivatives of the forces along it."""
+        import ufl
+        from dolfinx import fem
+
+        system, motion = self.system, fem.Function(self.design.motion.space)
+        X = ufl.SpatialCoordinate(system.body.mesh)
+        return motion, [system.form(ufl.derivative(force, X, motion)) for force in system.potential.forces]
+
+    def rates(self, kind: str, velocity: Array) -> tuple[Array, Array]:
+        """How the prepared state follows a parameter: its unknowns, with ghosts, and the mesh's nodes, shape (nodes, d).
+
+        One back-substitution, for quantities with more values than there are parameters.
+
+        Args:
+            kind: Of the load that is kept.
+            velocity: Motion of the boundary with the parameter, of `MeshMotion.boundary_velocities`.
+        """
+        moving, forms = self._moving
+        nodes = self.design.motion.nodes_rate(velocity)
+        moving.x.array[:] = nodes.ravel()
+        w = -self.design.answer(self.system.assemble(forms).copy())
+        if kind == VOLUME:
+            comm, q = self.system.comm, self._tangent_load
+            owned = slice(0, self.design.motion.owned_entries)
+            opened = float(self.design.motion.assembled(self._volume)[owned] @ nodes.ravel()[owned])
+            short = total(comm, opened + float(q @ w))
+            w = w - short / total(comm, float(q @ self._opened)) * self._opened
+        self._set(w)
+        return self._lambda.x.array.copy(), nodes
 
     def by_material(self, measure: Measure, names: Sequence[str]) -> dict[str, float]:
         """Partial derivatives of a quantity by the material's numbers at the unknowns that are loaded: central differences."""

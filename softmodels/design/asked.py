@@ -13,7 +13,6 @@ from softmodels.design.errors import DesignError
 from softmodels.design.free import closest
 from softmodels.design.loads import PRESSURE, VOLUME, Load
 from softmodels.design.quantities.base import Quantity
-from softmodels.design.target_path import read_target
 from softmodels.design.units import factor, read, shown_unit, text
 
 CLEARANCES = "clearances"
@@ -75,6 +74,12 @@ def pressure_of(asked: Asked) -> float | None:
     return load.value if load.kind == PRESSURE else None
 
 
+def highest_pressure(asked: Asked) -> float | None:
+    """The highest pressure in Pa at which a quantity, or what it is made of, is taken; None where it is at none."""
+    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
+    return max((pressure for pressure in found if pressure is not None), default=None)
+
+
 def label(asked: Asked, cm: float) -> str:
     """What a quantity is, with the pressure in cm of water as on the bench."""
     pressure = pressure_of(asked)
@@ -111,13 +116,13 @@ class Reader:
             return [self._checked(cast("Asked", entry), where)]
         kind = self._kind(entry.get("quantity"), where)
         fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
-        if "target" in fields and "file" in entry:
-            entry = self._with_target(entry, where)
         for key in entry:
             if key not in ("quantity", *fields, *more):
                 names = [name for name in fields if name != "at" or _at_pressure(kind)]
                 raise DesignError(f"{where} has an unknown entry {key!r}; {closest(str(key), [*names, *more])}")
         given = {key: self._given(key, value) for key, value in entry.items() if key in fields and key != "at"}
+        if "cm" in fields:  # of the column that a quantity's own file may count in
+            given.setdefault("cm", self.case.cm)
         places: Sequence[object] = [None]
         if _at_pressure(kind):
             if "at" not in entry:
@@ -130,18 +135,6 @@ class Reader:
             raise DesignError(f"{where}: {kind.name} is not taken at a pressure; leave at out")
         return [self._made(kind, {**given, **({} if place is None else {"at": place})}, where) for place in places]
 
-    def _with_target(self, entry: Mapping[str, object], where: str) -> dict[str, object]:
-        """The table with its file's rows in the file's place."""
-        name, of = entry["file"], entry.get("of") or self.case.actuator.gauge
-        if not isinstance(name, str):
-            raise DesignError(f"{where}: file is {brief(name)}; it must be a file's name")
-        target = read_target((self.folder or Path()) / name, str(of), self.case.cm)
-        if (highest := max(row[0] for row in target)) > self.case.goals[-1] * (1 + 1e-9):
-            raise DesignError(
-                f"{where}: {name} goes up to {highest / self.case.cm:.5g} cm, above the case's last pressure"
-            )
-        return {**{key: value for key, value in entry.items() if key != "file"}, "target": target}
-
     def _kind(self, name: object, where: str) -> type[Asked]:
         if name is None:
             raise DesignError(f"{where} names no quantity; {closest('', self.registry)}")
@@ -150,8 +143,10 @@ class Reader:
         return self.registry[name]
 
     def _given(self, key: str, value: object) -> object:
-        if key == "file" and isinstance(value, str) and self.folder is not None:
-            return str(self.folder.resolve() / value)
+        if key == "file":
+            if not isinstance(value, str):
+                raise DesignError(f"file is {brief(value)}; it must be a file's name")
+            return value if self.folder is None else str(self.folder.resolve() / value)
         return _tuples(value)
 
     def _made(self, kind: type[Asked], values: Mapping[str, object], where: str) -> Asked:
@@ -171,7 +166,7 @@ class Reader:
                 )
         if getattr(type(asked), "of_state", False) and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs the pressure it is taken at (at)")
-        pressure, last = pressure_of(asked), self.case.goals[-1]
+        pressure, last = highest_pressure(asked), self.case.goals[-1]
         if pressure is not None and pressure > last * (1 + 1e-9):
             cm = self.case.cm
             raise DesignError(

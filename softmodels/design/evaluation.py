@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
+from softmodels.design.squares import Squares
 
 Array = npt.NDArray[np.float64]
 
@@ -38,6 +39,7 @@ class Evaluation:
         newton: Newton iterations that all states took.
         remeshed: Whether a fresh mesh was made.
         notes: Sentences on how far the values can be trusted.
+        squares: Of the quantities that are distances from a target, by key.
     """
 
     theta: Array
@@ -49,3 +51,4 @@ class Evaluation:
     newton: int = 0
     remeshed: bool = False
     notes: tuple[str, ...] = ()
+    squares: dict[str, Squares] = dataclasses.field(default_factory=dict)

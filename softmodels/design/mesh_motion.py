@@ -73,6 +73,11 @@ class MeshMotion:
         """Number of local places' components, with ghosts."""
         return len(self._nodes) * self.dimension
 
+    @property
+    def owned_entries(self) -> int:
+        """How many of them, the first ones, this rank owns."""
+        return int(self.space.dofmap.index_map.size_local) * self.dimension
+
     def rest_places(self) -> Array:
         """Dimensionless places of the owned nodes on the mesh as it was made, shape (n, 3)."""
         return self._places[self._nodes[: self.space.dofmap.index_map.size_local]]
@@ -164,6 +169,10 @@ class MeshMotion:
             name: total(self.comm, float(np.sum(at_boundary * velocity))) / self.base.size
             for name, velocity in velocities.items()
         }
+
+    def nodes_rate(self, velocity: Array) -> Array:
+        """Motion of all dimensionless nodes with one of `boundary_velocities`, shape (nodes of `space`, d)."""
+        return self._extension.extend(velocity / self.base.size)
 
     def compiled(self, form: ufl.Form) -> fem.Form:
         """The compiled derivative of a form without arguments by the places of the nodes."""

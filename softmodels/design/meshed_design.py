@@ -18,9 +18,10 @@ from softmodels.design.bifurcations import Bifurcations
 from softmodels.design.designed_body import DesignedBody
 from softmodels.design.evaluation import DesignFailure
 from softmodels.design.loads import PRESSURE, Load
-from softmodels.design.quantities.base import Quantity, Slopes
+from softmodels.design.quantities.base import Quantity, Slopes, TargetMeasure
 from softmodels.design.quantities.geometric import DeviceQuantity
 from softmodels.design.quantities.limits import OfBifurcation, OfLimit
+from softmodels.design.squares import Squares
 from softmodels.design.states import WorkingStates
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
@@ -50,6 +51,8 @@ class Judged:
     value: float
     gradient: Array
     by_material: dict[str, float]
+    squares: Squares | None = None
+    """Of a target that is to be followed."""
 
     def times(self, factor: float) -> Judged:
         """The quantity times a number."""
@@ -173,9 +176,11 @@ class MeshedDesign:
                 slopes = self.measures[part].slopes(state)
                 if slopes.note:
                     notes.append(f"{part.key}: {slopes.note}")
-                found[part.key] = (
-                    self._whole(part, slopes, velocities) if gradients else Judged(slopes.value, np.zeros(0), {})
-                )
+                judged = self._whole(part, slopes, velocities) if gradients else Judged(slopes.value, np.zeros(0), {})
+                measure = self.measures[part]
+                if gradients and state is not None and load is not None and isinstance(measure, TargetMeasure):
+                    judged = dataclasses.replace(judged, squares=self._squares(measure, state, load, velocities))
+                found[part.key] = judged
         for part in question.parts:
             if isinstance(part, OfLimit):
                 critical = self._critical(part, velocities)
@@ -206,6 +211,11 @@ class MeshedDesign:
             if negative:
                 raise DesignFailure(f"the state at {load} is unstable: its tangent has {negative} negative eigenvalues")
         return state
+
+    def _squares(self, measure: TargetMeasure, state: State, load: Load, velocities: dict[str, Array]) -> Squares:
+        """Distances from a target with their derivatives at the settled state."""
+        columns = [measure.moved(state, *self.adjoint.rates(load.kind, velocity)) for velocity in velocities.values()]
+        return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
 
     def _whole(self, part: Quantity, slopes: Slopes, velocities: dict[str, Array]) -> Judged:
         """A part with its whole derivatives at the settled state."""

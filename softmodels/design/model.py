@@ -15,9 +15,10 @@ from softmodels.case.case import Case
 from softmodels.design.evaluation import DesignFailure, Evaluation
 from softmodels.design.meshed_design import Judged, MeshedDesign, Question
 from softmodels.design.quantities.base import Quantity
-from softmodels.design.quantities.composite import CompositeQuantity
+from softmodels.design.quantities.composite import CompositeQuantity, TipPath
 from softmodels.design.quantities.geometric import DeviceQuantity
 from softmodels.design.quantities.limits import OfLimit
+from softmodels.design.squares import Squares
 from softmodels.mechanics.newton import NoConvergence
 
 if TYPE_CHECKING:
@@ -94,10 +95,13 @@ class DesignModel:
         meshed = self.meshed
         assert meshed is not None
         found, notes = meshed.judge()
-        values, gradients, by_material = self._gathered(found)
+        own = self._gathered(found)
         return Evaluation(
-            np.array(theta, dtype=float), device, values, gradients, by_material,
+            np.array(theta, dtype=float), device, {key: judged.value for key, judged in own.items()},
+            {key: judged.gradient for key, judged in own.items() if judged.gradient.size},
+            {key: judged.by_material for key, judged in own.items() if judged.by_material},
             meshed.design.motion.quality(), meshed.states.newton, remeshed, tuple(notes),
+            {key: judged.squares for key, judged in own.items() if judged.squares is not None},
         )  # fmt: skip
 
     def confirm(self, theta: Array, finer: float = 1.0) -> Evaluation:
@@ -116,7 +120,7 @@ class DesignModel:
         meshed = MeshedDesign.fresh(self.case, device, self.question, self.comm)
         try:
             found, notes = meshed.judge(gradients=False)
-            values, _, _ = self._gathered(found)
+            values = {key: judged.value for key, judged in self._gathered(found).items()}
         finally:
             meshed.release()
         return Evaluation(
@@ -151,10 +155,8 @@ class DesignModel:
 
     # -- values and gradients -------------------------------------------------------------------------------------------
 
-    def _gathered(
-        self, found: dict[str, Judged]
-    ) -> tuple[dict[str, float], dict[str, Array], dict[str, dict[str, float]]]:
-        """Values and gradients of the quantities themselves, those of several states put together."""
+    def _gathered(self, found: dict[str, Judged]) -> dict[str, Judged]:
+        """The quantities themselves by key, those of several states put together."""
         own: dict[str, Judged] = {}
         for one in self.quantities:
             if isinstance(one, CompositeQuantity):
@@ -163,19 +165,19 @@ class DesignModel:
                 own |= {key: found[key] for key in one.values(self.case.actuator)}
             else:
                 own[one.key] = found[one.key]
-        return (
-            {key: judged.value for key, judged in own.items()},
-            {key: judged.gradient for key, judged in own.items() if judged.gradient.size},
-            {key: judged.by_material for key, judged in own.items() if judged.by_material},
-        )
+        return own
 
 
 def _combined(one: CompositeQuantity, parts: Sequence[Judged]) -> Judged:
-    value, weights = one.combined(np.array([part.value for part in parts]))
-    gradient = np.array([part.gradient for part in parts]).T @ weights
+    values, slopes = np.array([part.value for part in parts]), np.array([part.gradient for part in parts])
+    value, weights = one.combined(values)
+    gradient = slopes.T @ weights
+    squares = None
+    if isinstance(one, TipPath) and gradient.size:
+        squares = Squares.of(one.residuals(values), slopes, 1.0, one.sigma)
     names = parts[0].by_material
     rates = {name: float(weights @ np.array([part.by_material[name] for part in parts])) for name in names}
-    return Judged(value, gradient, rates)
+    return Judged(value, gradient, rates, squares)
 
 
 def _finer(device: Actuator, times: float) -> Actuator:

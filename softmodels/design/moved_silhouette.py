@@ -22,7 +22,7 @@ STRAIGHT = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
 class MovedSilhouette(Silhouette):
     """The outer curve of a device that is being designed, see `Silhouette`: heights count from its own undeformed apex.
 
-    Of a half slab it is the mirror plane's edge, from the clamped base along the top, around the tip to the underside.
+    Of a half slab it is the edge of its top in the mirror plane, from the clamped base to the tip.
 
     Args:
         design: The device, its mesh as it was made.

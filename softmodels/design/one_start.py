@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from softmodels.design.errors import DesignStopped
 from softmodels.design.evaluating import EnoughError, Evaluating
+from softmodels.design.following import can_follow, followed
 from softmodels.design.formulation import Formulation, Scaled
 from softmodels.design.multipliers import MET
 from softmodels.design.result import StartEnd
@@ -99,6 +100,9 @@ def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list
 
     end = start
     try:
+        if can_follow(form, judged(start)):
+            followed(judged, form, start)
+            return ""
         for _ in range(PASSES if form.spread.any else 1):
             allowances = form.allowances(judged(end))
 

@@ -10,7 +10,17 @@ from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import brief
 from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS
-from softmodels.design.asked import CLEARANCES, MARGIN, Asked, Keep, Reader, Term, check_limits, in_words, pressure_of
+from softmodels.design.asked import (
+    CLEARANCES,
+    MARGIN,
+    Asked,
+    Keep,
+    Reader,
+    Term,
+    check_limits,
+    highest_pressure,
+    in_words,
+)
 from softmodels.design.errors import DesignError
 from softmodels.design.free import Free, closest, crossed_corners, free_parameters
 from softmodels.design.material_errors import MaterialErrors
@@ -139,7 +149,7 @@ class DesignProblem:
     @property
     def working(self) -> float:
         """The highest pressure in Pa at which anything is asked; 0 for none."""
-        return max((pressure_of(one) or 0.0 for one in self.quantities), default=0.0)
+        return max((highest_pressure(one) or 0.0 for one in self.quantities), default=0.0)
 
     @property
     def quantities(self) -> list[Asked]:

@@ -15,6 +15,7 @@ from softmodels.case.case import Case
 from softmodels.design.asked import in_words, label
 from softmodels.design.cases import case_of
 from softmodels.design.formulation import Formulation
+from softmodels.design.intervals import Told, recovered
 from softmodels.design.multipliers import Holding
 from softmodels.design.problem import DesignProblem
 from softmodels.design.tolerances import SURE
@@ -263,6 +264,11 @@ class DesignResult:
                     f"({share:.2%} apart{', more than ' + format(FRESH, '.0%') if share > FRESH else ''})"
                 )
         return told
+
+    @property
+    def recovered(self) -> Told | None:
+        """What a target that is followed tells of the parameters; None where none is, or its errors are not known."""
+        return recovered(self.form, self.best)
 
     @property
     def margins(self) -> list[str]:

@@ -65,6 +65,7 @@ class DesignTold(TypedDict):
     finer: float
     trouble: str
     margins: list[str]
+    recovered: list[str]
     notes: list[str]
     parameters: list[ParameterTold]
     objective: ObjectiveTold
@@ -74,6 +75,7 @@ class DesignTold(TypedDict):
 
 def summary(result: DesignResult) -> str:
     """The text of ``design.json``."""
+    found = result.recovered
     told: DesignTold = {
         "name": result.problem.name,
         "headline": result.headline,
@@ -87,6 +89,7 @@ def summary(result: DesignResult) -> str:
         "finer": result.finer,
         "trouble": result.trouble,
         "margins": result.margins,
+        "recovered": found.sentences if found else [],
         "notes": notes(result),
         "parameters": _parameters(result),
         "objective": _objective(result),

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.design.evaluation import Evaluation
+from softmodels.design.squares import Squares
 
 Array = npt.NDArray[np.float64]
 
@@ -30,6 +31,7 @@ class Trial:
         seconds: What it took.
         quality: Of the worst cell against the mesh as made.
         remeshed: Whether it was meshed anew.
+        squares: Of the targets that are followed, by key.
         notes: What has to be known of the values.
         failure: Why it could not be judged; empty if it could.
     """
@@ -45,6 +47,7 @@ class Trial:
     seconds: float = 0.0
     quality: float = 1.0
     remeshed: bool = False
+    squares: Mapping[str, Squares] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
     failure: str = ""
 
@@ -54,7 +57,8 @@ class Trial:
 
     def to_json(self) -> str:
         """All of it, numbers to the last bit."""
-        return json.dumps(dataclasses.asdict(self), indent=1)
+        squares = {key: found.to_table() for key, found in self.squares.items()}
+        return json.dumps({**dataclasses.asdict(self), "squares": squares}, indent=1)
 
     @classmethod
     def from_json(cls, text: str) -> Trial:
@@ -65,7 +69,9 @@ class Trial:
         """
         told = json.loads(text)
         try:
-            return cls(**{**told, "theta": tuple(map(float, told["theta"])), "notes": tuple(told["notes"])})
+            squares = {key: Squares.from_table(table) for key, table in told.get("squares", {}).items()}
+            theta, notes = tuple(map(float, told["theta"])), tuple(told["notes"])
+            return cls(**{**told, "theta": theta, "notes": notes, "squares": squares})
         except (TypeError, KeyError, AttributeError) as error:
             raise ValueError(str(error)) from None
 
@@ -78,7 +84,8 @@ class Trial:
             {key: [float(slope) for slope in slopes] for key, slopes in (evaluated.gradients or {}).items()},
             {key: {name: float(slope) for name, slope in slopes.items()}
              for key, slopes in evaluated.material_gradients.items()},
-            int(evaluated.newton), seconds, float(evaluated.quality), bool(evaluated.remeshed), tuple(evaluated.notes),
+            int(evaluated.newton), seconds, float(evaluated.quality), bool(evaluated.remeshed),
+            dict(evaluated.squares), tuple(evaluated.notes),
         )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from geometries import HollowDisk
 from measurement.outline.outline import Outline as Measured
+from softmodels.design.loads import Load
 from softmodels.design.quantities.outline import Outline, _middle
 
 TAYLOR = "Taylor's remainder of the distance from an outline, by every length"
@@ -36,6 +37,18 @@ def test_of_a_wedge(designed, taylor, comm, figure):
     model = designed(wedge, names, (Outline(points=DOME, at=AT),), comm)
     for name in names:
         is_second_order(figure, "wedge", taylor(model, name))
+
+
+@pytest.mark.parametrize("at", [AT, Load("volume", 40e-6)], ids=["pressure", "volume"])
+def test_each_distance_has_its_derivatives(designed, thin_disk, comm, at):
+    """Of the distances one by one, by the rates of the state, against the adjoint of their root mean square."""
+    asked = Outline(points=DOME, at=at)
+    model = designed(thin_disk, NAMES, (asked,), comm)
+    found = model.evaluate(model.start)
+    squares, value = found.squares[asked.key], found.values[asked.key]
+    assert squares.residuals @ squares.residuals == pytest.approx(len(DOME) * value**2, rel=1e-12)
+    gradient = squares.jacobian.T @ squares.residuals / (len(DOME) * value)
+    assert gradient == pytest.approx(found.gradients[asked.key], rel=1e-6, abs=1e-7 * np.abs(gradient).max())
 
 
 def test_of_its_own_outline_it_is_none(designed, thin_disk, comm):

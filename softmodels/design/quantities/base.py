@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from measurement.units import quantity as read_quantity
 from softmodels.design.loads import Load
 
 if TYPE_CHECKING:
@@ -57,6 +58,32 @@ class Measure(abc.ABC):
         """Value and derivatives; the state is loaded into the equations. None for what needs no state."""
 
 
+class TargetMeasure(Measure):
+    """Distances from something that is to be followed.
+
+    Attributes:
+        run: Over how many neighbours the target's errors keep together.
+        sigma: Standard error of one in SI units; 0 where it is not known.
+    """
+
+    run: float = 1.0
+    sigma: float = 0.0
+
+    @abc.abstractmethod
+    def residuals(self, state: State) -> Array:
+        """The distances in SI units, shape (k,)."""
+
+    @abc.abstractmethod
+    def moved(self, state: State, w: Array, X: Array) -> Array:
+        """Derivative of the distances, shape (k,).
+
+        Args:
+            state: The state that is loaded.
+            w: Derivative of its dof values, with ghosts.
+            X: That of the mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts.
+        """
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Quantity(abc.ABC):
     """Something a design is judged by.
@@ -97,3 +124,15 @@ class Quantity(abc.ABC):
     @abc.abstractmethod
     def measure(self, design: DesignedBody) -> Measure:
         """Make it ready on a meshed device; ValueError with a sentence where the device has no such thing."""
+
+
+def length(what: str, value: float | str) -> float:
+    """A length in m that is not negative, from a number or a text with a unit.
+
+    Raises:
+        ValueError: It is something else.
+    """
+    found = read_quantity(value, "m") if isinstance(value, str) else float(value)
+    if not (np.isfinite(found) and found >= 0.0):
+        raise ValueError(f"{what} is {value!r}; it must be a length above zero, or 0 for none")
+    return found

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.design.loads import Load
-from softmodels.design.quantities.base import Measure, Quantity, quantity
+from softmodels.design.quantities.base import Measure, Quantity, length, quantity
 from softmodels.design.quantities.places import AXES, Place
+from softmodels.design.tip_path_file import read_tip_path
 
 if TYPE_CHECKING:
     from softmodels.design.designed_body import DesignedBody
@@ -76,6 +78,10 @@ class TipPath(CompositeQuantity):
     Attributes:
         of: The probe; the device's first one if empty.
         target: Rows of pressure in Pa and the place's coordinates in m; nan where a coordinate is not asked for.
+        file: Or a table with columns such as ``pressure_kPa``, ``x_mm``, ``z_mm``, or a run's ``path.csv``; see
+            `softmodels.design.tip_path_file`.
+        sigma: Standard error of a coordinate in m, or a text with a unit; 0 to estimate it from what is left.
+        cm: Pa of one centimetre of the case's column, for a file whose pressures are in cm; 0 if it is not known.
     """
 
     name: ClassVar = "tip_path"
@@ -84,6 +90,24 @@ class TipPath(CompositeQuantity):
 
     of: str = ""
     target: tuple[tuple[float, float, float, float], ...] = ()
+    file: str = ""
+    sigma: float = 0.0
+    cm: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.file) == (len(self.target) > 0):
+            raise ValueError("a tip path needs either a file or a target, rows of pressure and place")
+        object.__setattr__(self, "sigma", length("sigma", self.sigma))
+        if self.file:
+            rows, of = read_tip_path(Path(self.file), self.of, self.cm)
+            object.__setattr__(self, "of", of)
+        else:
+            try:
+                rows = tuple((float(p), float(x), float(y), float(z)) for p, x, y, z in self.target)
+            except (TypeError, ValueError):
+                raise ValueError("the target of a tip path has rows of pressure in Pa and x, y, z in m") from None
+        object.__setattr__(self, "target", rows)
 
     @property
     def title(self) -> str:
@@ -102,7 +126,11 @@ class TipPath(CompositeQuantity):
     def parts(self) -> tuple[Quantity, ...]:
         return tuple(place for place, _ in self._wanted)
 
+    def residuals(self, values: Array) -> Array:
+        """Distances of the coordinates from the path's, m."""
+        return values - np.array([there for _, there in self._wanted])
+
     def combined(self, values: Array) -> tuple[float, Array]:
-        left = values - np.array([there for _, there in self._wanted])
+        left = self.residuals(values)
         value = float(np.sqrt(left @ left / len(self.target)))
         return value, left / (len(self.target) * value) if value else np.zeros_like(left)

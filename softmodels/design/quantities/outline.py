@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from measurement.units import quantity as read_quantity
 from softmodels.design.moved_silhouette import MovedSilhouette
-from softmodels.design.quantities.base import Measure, Quantity, Slopes, quantity
+from softmodels.design.quantities.base import Quantity, Slopes, TargetMeasure, length, quantity
 from softmodels.fitting.outlines.outline_residuals import UNEVEN
 from softmodels.fitting.outlines.reading import read_outlines
 from softmodels.fitting.outlines.shadow import shadow_of
@@ -30,7 +29,7 @@ ONE_SIDED = 0.1
 """An outline whose top is in this share of its width from its beginning shows one side, from the axis outwards."""
 
 
-class OutlineMeasure(Measure):
+class OutlineMeasure(TargetMeasure):
     """Distances of points from the outline of a state.
 
     Args:
@@ -91,11 +90,9 @@ class OutlineMeasure(Measure):
         return f"the undeformed top is {uneven:.3g} mm from flat, and heights are counted from its apex"
 
     def residuals(self, state: State) -> Array:
-        """Signed distances of the points in m, shape (k,)."""
         return self._closest(state)[0].distance
 
     def moved(self, state: State, w: Array, X: Array) -> Array:
-        """Derivative of `residuals`, shape (k,); w and X as for `MovedSilhouette.moved`."""
         found, piece, weights = self._closest(state)
         return -np.einsum("kb,kbi,ki->k", weights, self.silhouette.moved(w, X)[piece], found.normal)
 
@@ -105,7 +102,7 @@ class OutlineMeasure(Measure):
 class Outline(Quantity):
     """Root mean square distance between points and the deformed outline.
 
-    Of a disk the outline is its shadow; of a half slab the mirror plane's edge.
+    Of a disk the outline is its shadow; of a half slab its top's edge in the mirror plane, from the clamped base to the tip.
 
     Attributes:
         file: An outline that ``measurement photos`` has written; its points that rise are taken. A disk's axis is at its
@@ -129,7 +126,7 @@ class Outline(Quantity):
         super().__post_init__()
         if bool(self.file) == (len(self.points) > 0):
             raise ValueError("an outline needs either a file of points or the points themselves")
-        object.__setattr__(self, "sigma", _length("sigma", self.sigma))
+        object.__setattr__(self, "sigma", length("sigma", self.sigma))
         if self.file:
             points, run = _measured(Path(self.file))
             object.__setattr__(self, "run", run)
@@ -149,14 +146,9 @@ class Outline(Quantity):
         return f"distance from the outline {Path(self.file).stem}" if self.file else "distance from the outline"
 
     def measure(self, design: DesignedBody) -> OutlineMeasure:
-        return OutlineMeasure(design, np.array(self.points), bool(self.file))
-
-
-def _length(what: str, value: float | str) -> float:
-    found = read_quantity(value, "m") if isinstance(value, str) else float(value)
-    if not (np.isfinite(found) and found >= 0.0):
-        raise ValueError(f"{what} is {value!r}; it must be a length above zero, or 0 for none")
-    return found
+        made = OutlineMeasure(design, np.array(self.points), bool(self.file))
+        made.run, made.sigma = self.run, self.sigma
+        return made
 
 
 def _measured(file: Path) -> tuple[Array, float]:
