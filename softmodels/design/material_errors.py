@@ -16,6 +16,7 @@ from softmodels.case import material_table
 from softmodels.case.case import Case
 from softmodels.design.errors import DesignError
 from softmodels.materials.laws import Material, MaterialError
+from softmodels.mechanics.sensitivity import known_parameters
 
 WIDTH_95 = 2 * 1.959964
 """Standard deviations in a 95 % interval."""
@@ -71,7 +72,12 @@ class MaterialErrors:
                 f"{path} is another material than the case's; take it there too ([material] of the case), so that the errors "
                 "are around the values"
             )
-        return cls._covariance(path, fitted.name) or cls._intervals(path, fit)
+        known = known_parameters(material)
+        found = cls._covariance(path, fitted.name) or cls._intervals(path, fit)
+        kept = [k for k, name in enumerate(found.names) if name in known]  # a device's fit has the bench's numbers too
+        if not kept:
+            raise DesignError(f"{path} has no errors of {', '.join(known)}; a fit with free parameters is needed")
+        return cls(tuple(found.names[k] for k in kept), found.covariance[np.ix_(kept, kept)], found.how)
 
     @classmethod
     def _covariance(cls, path: Path, law: str) -> MaterialErrors | None:

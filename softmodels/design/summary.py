@@ -112,8 +112,8 @@ def summary(result: DesignResult) -> str:
 def notes(result: DesignResult) -> list[str]:
     """What a reader has to know beside the numbers."""
     told = [*result.problem.notes, *result.best.notes]
-    told += [f"start {one.start} ended {one.why}" for one in result.ends if one.why]
-    if result.feasible and not result.holding.balanced:
+    told += [f"start {one.start} ended {one.why}" for one in result.ends if one.why and not one.stopped]
+    if result.feasible and not result.holding.balanced and not result.stopped:
         told.append("the search ended before an optimum: more evaluations (--evaluations) may find a better design")
     errors = result.problem.errors
     if errors is not None:

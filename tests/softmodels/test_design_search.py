@@ -178,8 +178,8 @@ def test_a_fitted_materials_errors_count(tmp_path):
     found = optimise(problem_(keep, material_errors=str(fitted)))
     sigma = 4000.0 / (2 * 1.959964) / 30e3  # the margin goes with the modulus
     assert found.best.values["limit margin"] * (1 - 1.645 * sigma) == pytest.approx(1.3, rel=2e-3)
-    (tmp_path / "fit.json").write_text(json.dumps(
-        {"laws": [{"law": "neo-hookean", "free": ["shear_modulus"], "covariance": [[500.0**2]]}]}))  # fmt: skip
+    fit = {"law": "neo-hookean", "free": ["leak", "shear_modulus"], "covariance": [[1.0, 0.0], [0.0, 500.0**2]]}
+    (tmp_path / "fit.json").write_text(json.dumps({"laws": [fit]}))
     assert optimise(problem_(keep, material_errors=str(fitted))).best.values["limit margin"] < 1.36
     other = Case("disk", fake.FakeDisk(), sm.NeoHookean(31e3), pressures_cm=(0.0, 177.0))
     with pytest.raises(sm.DesignError, match="another material"):
