@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from geometries import HollowDisk
+from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities.limits import LimitPressure
-from softmodels.design.quantities.places import Rise
+from softmodels.design.quantities.places import DeviceFigure, Rise
 from softmodels.design.quantities.volumes import AddedVolume
 from softmodels.materials.laws import NeoHookean, Yeoh
 
@@ -45,6 +45,14 @@ def test_wedges(designed, taylor, comm, figure, name):
     names = ("membrane", "cavity_radius", "profile[1]")
     quantities = (Rise(at=WORKING), AddedVolume(at=WORKING), LimitPressure())
     is_second_order(figure, "wedge", taylor(designed(wedge, names, quantities, comm), name))
+
+
+@pytest.mark.parametrize("name", ["thickness", "offset", "end_bore", "manifold_bore", "length"])
+def test_slabs(designed, taylor, comm, figure, name):
+    slab = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
+    names = ("thickness", "offset", "end_bore", "manifold_bore", "length")
+    quantities = (Rise(at=6000.0), AddedVolume(at=6000.0), DeviceFigure(of="lift_angle_deg", at=6000.0))
+    is_second_order(figure, "slab", taylor(designed(slab, names, quantities, comm), name))
 
 
 @pytest.mark.parametrize("name", ["c1", "c2", "poisson"])
