@@ -247,24 +247,32 @@ CASE = 'name = "disk"\n[geometry]\ndevice = "HollowDisk"\nvariant = "shadow"\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "words", "told"),
+    ("text", "told"),
     [
-        (CASE, ["--draft", "50deg"], "draft"),
-        (CASE + '[mould]\nwall = "9 miles"\nx = 1\n', [], "[mould]"),
-        (CASE + '[mould]\nsilicone = "rubber"\n', [], "rubber"),
-        ("", [], "[geometry]"),
-        (None, [], "cannot be read"),
-        (CASE, ["--output", "case"], "no run of this version"),
+        (CASE + '[mould]\nwall = "9 miles"\n', "wall"),
+        (CASE + "[mould]\nx = 1\n", "unknown entry 'x'"),
+        (CASE + '[mould]\nsilicone = "rubber"\n', "rubber"),
+        (CASE.replace("HollowDisk", "Balloon"), "Balloon"),
+        ("mould = 3\n" + CASE, "must be a table"),
+        ("", "geometry"),
+        (None, "cannot be read"),
     ],
 )
-def test_bad_input_is_a_sentence_and_status_2(text, words, told, runs, tmp_path):
-    (tmp_path / "case").mkdir()
-    (tmp_path / "case" / "mine.txt").write_text("mine")
+def test_files_that_ask_for_no_mould_are_refused_by_name(text, told, tmp_path):
     if text is not None:
         (tmp_path / "case.toml").write_text(text)
+    with pytest.raises((MouldError, sm.CaseError), match=f"case.toml.*{told}"):
+        asked_of(tmp_path / "case.toml")
+
+
+@pytest.mark.parametrize(("words", "told"), [(["--draft", "50deg"], "draft"), (["--output", "case"], "no run of this")])
+def test_bad_input_is_a_sentence_and_status_2(words, told, runs, tmp_path):
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case" / "mine.txt").write_text("mine")
+    (tmp_path / "case.toml").write_text(CASE)
     done = runs.run("-m", "softmodels", "mould", "case.toml", *words, cwd=tmp_path)
     assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and told in done.err
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["case", *(["case.toml"] if text is not None else [])]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["case", "case.toml"]
 
 
 def test_the_command_writes_bodies_pictures_and_a_sheet(runs, tmp_path):
