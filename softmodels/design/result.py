@@ -42,7 +42,7 @@ class StartEnd:
         why: Why it ended before an optimum; empty for none.
     """
 
-    STOPPED: ClassVar[str] = "stopped by the user"
+    STOPPED: ClassVar[str] = "as the user stopped it"
 
     start: int
     best: Trial | None
@@ -204,6 +204,8 @@ class DesignResult:
             if not holders and self.holding.balanced:
                 return ["no limit holds it back: no small change is better"]
             return [one.sentence for one in holders]
+        if self.end.why:
+            return [f"no design so far keeps all limits (the search ended {self.end.why}); go on with more evaluations"]
         held = [one.words for one in holders]
         what = (
             f"{' and '.join(held)} exclude each other"

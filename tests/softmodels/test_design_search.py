@@ -136,6 +136,16 @@ def test_a_request_that_cannot_be_met_ends_nearby_with_what_excludes_each_other(
         assert there > worst - 2e-3
 
 
+def test_a_search_that_was_cut_off_does_not_call_a_request_impossible():
+    keep = [{"quantity": "rise", "at": "177 cm", "at_least": 8e-3}]
+    found = optimise(problem_(keep), evaluations=2)
+    assert not found.feasible and found.missed
+    assert found.reasons == [
+        "no design so far keeps all limits (the search ended after 2 evaluations); go on with more evaluations"
+    ]
+    assert optimise(problem_(keep)).feasible
+
+
 def test_what_one_more_unit_costs_is_the_price_found_by_asking_again():
     found = optimise(problem_())
     holder = next(one for one in found.holding.holders if one.row and one.row.keep.quantity.name == "max_stretch")
