@@ -162,3 +162,30 @@ def install(setattr_=setattr):
 
 if os.environ.get("FAKE_DESIGN"):
     install()
+
+
+PROBLEM = """name = "more-rise"
+[case.geometry]
+device = "FakeDisk"
+section = "axisymmetric"
+[case.material]
+law = "neo-hookean"
+shear_modulus = "30 kPa"
+[case.load]
+pressure_cm = "0:177"
+[parameters]
+membrane = { from = "2 mm", to = "9 mm" }
+cavity_radius = { from = "6 mm", to = "14 mm" }
+[maximise]
+quantity = "rise"
+of = "apex"
+at = "177 cm"
+[[keep]]
+quantity = "max_stretch"
+at = "177 cm"
+at_most = 1.18
+[[keep]]
+quantity = "limit_margin"
+at_least = 1.3
+"""
+"""A problem of the device here that can be met."""

@@ -81,3 +81,23 @@ def taylor():
         return found
 
     return remainders
+
+
+@pytest.fixture
+def second_order(taylor, figure):
+    """Return a function that asserts that Taylor's remainder by a length is of second order: its figures go into a table.
+
+    Either it falls as the square of the step, or it is next to nothing: the square's factor may vanish.
+    """
+
+    def check(model, name, table, what):
+        found = taylor(model, name)
+        assert found
+        for key, (order, share) in found.items():
+            if share > 2e-3:
+                figure(table, f"distance of the order from 2, {what}", order - 2.0, 0.3)
+            else:
+                figure(table, f"remainder over the linear part at a step of a quarter percent, {what}", share, 2e-3)
+            assert order > 1.5 or share < 2e-3, key
+
+    return check

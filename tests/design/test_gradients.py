@@ -23,36 +23,25 @@ LENGTHS = (
 WORKING = 2000.0
 
 
-def is_second_order(figure, what, found):
-    """Either the remainder falls as the square of the step, or it is next to nothing: the square's factor may vanish."""
-    assert found
-    for key, (order, share) in found.items():
-        if share > 2e-3:
-            figure(TAYLOR, f"distance of the order from 2, {what}", order - 2.0, 0.3)
-        else:
-            figure(TAYLOR, f"remainder over the linear part at a step of a quarter percent, {what}", share, 2e-3)
-        assert order > 1.5 or share < 2e-3, key
-
-
 @pytest.mark.parametrize("name", LENGTHS)
-def test_sections(designed, thin_disk, of_all_kinds, taylor, comm, figure, name):
-    is_second_order(figure, "section", taylor(designed(thin_disk, LENGTHS, of_all_kinds, comm), name))
+def test_sections(designed, thin_disk, of_all_kinds, second_order, comm, name):
+    second_order(designed(thin_disk, LENGTHS, of_all_kinds, comm), name, TAYLOR, "section")
 
 
 @pytest.mark.parametrize("name", ["membrane", "cavity_radius", "profile[1]"])
-def test_wedges(designed, taylor, comm, figure, name):
+def test_wedges(designed, second_order, comm, name):
     wedge = HollowDisk.variant("shadow", angle=15.0, azimuth=20.0, cell_size=0.006, profile=(1.0, 1.0))
     names = ("membrane", "cavity_radius", "profile[1]")
     quantities = (Rise(at=WORKING), AddedVolume(at=WORKING), LimitPressure())
-    is_second_order(figure, "wedge", taylor(designed(wedge, names, quantities, comm), name))
+    second_order(designed(wedge, names, quantities, comm), name, TAYLOR, "wedge")
 
 
 @pytest.mark.parametrize("name", ["thickness", "offset", "end_bore", "manifold_bore", "length"])
-def test_slabs(designed, taylor, comm, figure, name):
+def test_slabs(designed, second_order, comm, name):
     slab = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
     names = ("thickness", "offset", "end_bore", "manifold_bore", "length")
     quantities = (Rise(at=6000.0), AddedVolume(at=6000.0), DeviceFigure(of="lift_angle_deg", at=6000.0))
-    is_second_order(figure, "slab", taylor(designed(slab, names, quantities, comm), name))
+    second_order(designed(slab, names, quantities, comm), name, TAYLOR, "slab")
 
 
 @pytest.mark.parametrize("name", ["c1", "c2", "poisson"])

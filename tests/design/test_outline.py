@@ -16,27 +16,17 @@ DOME = tuple((x, 6e-3 - 12.0 * x * x) for x in np.linspace(-0.02, 0.02, 41))
 NAMES = ("membrane", "cavity_radius", "wall", "base", "profile[1]", "profile[2]", "profile[3]")
 
 
-def is_second_order(figure, what, found):
-    assert found
-    for key, (order, share) in found.items():
-        if share > 2e-3:
-            figure(TAYLOR, f"distance of the order from 2, {what}", order - 2.0, 0.3)
-        else:
-            figure(TAYLOR, f"remainder over the linear part at a step of a quarter percent, {what}", share, 2e-3)
-        assert order > 1.5 or share < 2e-3, key
-
-
 @pytest.mark.parametrize("name", NAMES)
-def test_of_a_section(designed, thin_disk, taylor, comm, figure, name):
-    is_second_order(figure, "section", taylor(designed(thin_disk, NAMES, (Outline(points=DOME, at=AT),), comm), name))
+def test_of_a_section(designed, thin_disk, second_order, comm, name):
+    second_order(designed(thin_disk, NAMES, (Outline(points=DOME, at=AT),), comm), name, TAYLOR, "section")
 
 
-def test_of_a_wedge(designed, taylor, comm, figure):
+def test_of_a_wedge(designed, second_order, comm):
     wedge = HollowDisk.variant("shadow", angle=15.0, azimuth=20.0, cell_size=0.006)
     names = ("membrane", "cavity_radius")
     model = designed(wedge, names, (Outline(points=DOME, at=AT),), comm)
     for name in names:
-        is_second_order(figure, "wedge", taylor(model, name))
+        second_order(model, name, TAYLOR, "wedge")
 
 
 @pytest.mark.parametrize("at", [AT, Load("volume", 40e-6)], ids=["pressure", "volume"])

@@ -22,35 +22,11 @@ spec = importlib.util.spec_from_file_location("fake_design", FAKE)
 fake = sys.modules.setdefault("fake_design", importlib.util.module_from_spec(spec))
 if not hasattr(fake, "install"):
     spec.loader.exec_module(fake)  # its device is known here too
-PROBLEM = """name = "more-rise"
-[case.geometry]
-device = "FakeDisk"
-section = "axisymmetric"
-[case.material]
-law = "neo-hookean"
-shear_modulus = "30 kPa"
-[case.load]
-pressure_cm = "0:177"
-[parameters]
-membrane = { from = "2 mm", to = "9 mm" }
-cavity_radius = { from = "6 mm", to = "14 mm" }
-[maximise]
-quantity = "rise"
-of = "apex"
-at = "177 cm"
-[[keep]]
-quantity = "max_stretch"
-at = "177 cm"
-at_most = 1.18
-[[keep]]
-quantity = "limit_margin"
-at_least = 1.3
-"""
 
 
 @pytest.fixture
 def place(tmp_path):
-    (tmp_path / "problem.toml").write_text(PROBLEM)
+    (tmp_path / "problem.toml").write_text(fake.PROBLEM)
     return tmp_path
 
 
@@ -58,7 +34,7 @@ def place(tmp_path):
 def reference(runs, tmp_path_factory):
     """An undisturbed run from two starts: its folder, and what it said."""
     place = tmp_path_factory.mktemp("reference")
-    (place / "problem.toml").write_text(PROBLEM)
+    (place / "problem.toml").write_text(fake.PROBLEM)
     return place / "out", design(runs, place, "--no-pictures", "--starts", "2")
 
 
@@ -127,11 +103,11 @@ def test_two_ranks_find_the_same_design_and_one_speaks(runs, place, reference):
 def test_what_cannot_be_met_ends_with_status_3(ended, place, monkeypatch):
     fake.install(monkeypatch.setattr)
     monkeypatch.chdir(place)
-    Path("high.toml").write_text(PROBLEM + '[[keep]]\nquantity = "rise"\nat = "177 cm"\nat_least = "12 mm"\n')
+    Path("high.toml").write_text(fake.PROBLEM + '[[keep]]\nquantity = "rise"\nat = "177 cm"\nat_least = "12 mm"\n')
     status, out, err = ended(whole_command, "design", "high.toml", "--no-pictures", "--output", "high")
     assert status == 3 and "softmodels: the request cannot be met, and this is the nearest design" in err
     assert "rise at 177 cm at least 12 mm" in err and "exclude each other" in err and "has to be at least 12 mm" in out
-    Path("thin.toml").write_text(PROBLEM.replace('section = "axi', 'membrane = "2.5 mm"\nsection = "axi'))
+    Path("thin.toml").write_text(fake.PROBLEM.replace('section = "axi', 'membrane = "2.5 mm"\nsection = "axi'))
     status, out, err = ended(whole_command, "design", "thin.toml", "--no-pictures", "--output", "thin")
     assert status == 3 and "as given cannot be judged: the device jumps at" in err and out == ""
     assert not Path("thin/design.toml").exists()
