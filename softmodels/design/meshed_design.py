@@ -142,6 +142,7 @@ class MeshedDesign:
         Raises:
             GeometryError: The mesh cannot follow.
             NoConvergence: A state was not found, or cells turn inside out.
+            DesignFailure: Its limit point lies below one of the loads. Mesh and states are those of the last design then.
         """
         motion = self.design.motion
         before = motion.device
@@ -158,6 +159,9 @@ class MeshedDesign:
             halfway = {name: 0.5 * (parameter(before, name) + parameter(device, name)) for name in names}
             self.follow(changed(before, halfway), depth + 1)
             self.follow(device, depth + 1)
+        except DesignFailure:
+            motion.move(before)
+            raise
 
     def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
         """Values and gradients of the question's parts by key, and sentences on how far they can be trusted.

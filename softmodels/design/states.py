@@ -151,26 +151,38 @@ class WorkingStates:
 
         Raises:
             NoConvergence: One of them was not found from there. Nothing has changed then.
+            DesignFailure: The limit point lies below one of the loads now. Nothing has changed then.
         """
         before, rest = self._rest_volume, self.design.volume_at_rest()
+        # The limit point first: where it lies below a load, there is no state to be looked for there.
+        limit = self._carried_limit(before, rest)
         found = {load: self._solve(load, state, rest) for load, state in self.states.items()}
-        witness, limit = self._witness, None
+        witness = self._witness
         if witness is not None:
             witness = self._solve(Load(PRESSURE, self.highest), witness, rest)
-        if self.limit is not None:
-            start = self.limit.state
-            moved = dataclasses.replace(start, V=start.V - before + rest)
-            self._rest_volume = rest
-            try:
-                limit = self._limit_near(moved, self.limit.tangent)
-            except NoConvergence:
-                self._rest_volume = before
-                raise
         forked = self.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - before + rest, forked.mode, rest)
         self.states, self.limit, self.bifurcation, self._rest_volume = found, limit, forked, rest
         self._witness = witness
+
+    def _carried_limit(self, before: float, rest: float) -> LimitPoint | None:
+        """The limit point of the design that the mesh shows now; see `carry`. The volumes are those at rest, then and now."""
+        if self.limit is None:
+            return None
+        moved = dataclasses.replace(self.limit.state, V=self.limit.state.V - before + rest)
+        self._rest_volume = rest
+        try:
+            limit = self._limit_near(moved, self.limit.tangent)
+        finally:
+            self._rest_volume = before
+        pressure = limit.state.P * self.system.stress_unit
+        for load in sorted(self.states):
+            if load.kind == PRESSURE and load.value >= pressure:
+                raise DesignFailure(
+                    f"the pressure has a limit point at {pressure / 1e3:.4g} kPa, before {load}", pressure
+                )
+        return limit
 
     def _solve(self, load: Load, guess: State, rest: float) -> State:
         system = self.system

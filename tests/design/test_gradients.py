@@ -9,6 +9,7 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
+from softmodels.design.evaluation import DesignFailure
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities.limits import LimitPressure
 from softmodels.design.quantities.places import DeviceFigure, Rise
@@ -108,3 +109,16 @@ def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
     assert fresh.values["limit pressure"] < 3200.0
     assert thinner.values["limit pressure"] == pytest.approx(fresh.values["limit pressure"], rel=1e-3)
     assert abs(thinner.gradients["limit pressure"][0]) > 0.0
+
+
+def test_a_design_that_balloons_below_its_load_is_stepped_back_from(thin_disk, comm):
+    case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), pressures_cm=(20.0,))
+    model = DesignModel(case, ("membrane",), (Rise(at=WORKING), LimitPressure()), comm)
+    here = model.evaluate(model.start)
+    with pytest.raises(DesignFailure, match=r"limit point at 1\.\d+ kPa, before 2 kPa") as failure:
+        model.evaluate(0.5 * model.start)
+    again = model.evaluate(model.start)
+    model.release()
+    assert 1000.0 < failure.value.limit < WORKING
+    assert not again.remeshed and again.newton < 80
+    assert again.values["rise at 2 kPa"] == pytest.approx(here.values["rise at 2 kPa"], rel=1e-7)
