@@ -34,8 +34,14 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+POOREST = 0.3
+"""Quality of a mesh below which the device is meshed again."""
 MOST_HALVINGS = 4
 """Halvings of the way from one design to the next before the states are looked for along the whole path."""
+
+
+class PoorMesh(RuntimeError):
+    """A mesh that has been moved too far to be solved on."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,15 +147,17 @@ class MeshedDesign:
 
         Raises:
             GeometryError: The mesh cannot follow.
-            NoConvergence: A state was not found, or cells turn inside out.
+            PoorMesh: The cells would be too poor.
+            NoConvergence: A state was not found.
             DesignFailure: Its limit point lies below one of the loads. Mesh and states are those of the last design then.
         """
         motion = self.design.motion
         before = motion.device
         motion.move(device)
+        if motion.quality() < POOREST:  # nor will smaller steps make better cells of the last one's
+            motion.move(before)
+            raise PoorMesh("the moved cells have become poor")
         try:
-            if motion.quality() <= 0.0:
-                raise NoConvergence("the moved cells turn inside out")
             self.states.carry()
         except NoConvergence:
             motion.move(before)

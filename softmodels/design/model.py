@@ -13,7 +13,7 @@ from geometries import Actuator, GeometryError
 from geometries.parameters import changed, parameter
 from softmodels.case.case import Case
 from softmodels.design.evaluation import DesignFailure, Evaluation
-from softmodels.design.meshed_design import Judged, MeshedDesign, Question
+from softmodels.design.meshed_design import Judged, MeshedDesign, PoorMesh, Question
 from softmodels.design.quantities.base import Quantity
 from softmodels.design.quantities.composite import CompositeQuantity, TipPath
 from softmodels.design.quantities.geometric import DeviceQuantity
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-POOREST = 0.3
-"""Quality of the mesh below which the device is meshed again."""
 FARTHEST = 3.0
 """Working pressures up to which a limit point is looked for."""
 
@@ -141,12 +139,9 @@ class DesignModel:
             try:
                 self.meshed.states.newton = 0
                 self.meshed.follow(device)
-            except (GeometryError, NoConvergence) as failure:
+                return False
+            except (GeometryError, PoorMesh, NoConvergence) as failure:
                 self.report(f"meshed again: {failure}")
-            else:
-                if self.meshed.design.motion.quality() >= POOREST:
-                    return False
-                self.report("meshed again: the moved cells have become poor")
         # A design that fails leaves the mesh of the one before, to which a search steps back.
         fresh = MeshedDesign.fresh(self.case, device, self.question, self.comm)
         self.release()
