@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from measurement.cli.exits import stop
+from measurement.ending import stoppable
 from measurement.output_option import FolderType, open_folder, open_place
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
@@ -24,9 +25,10 @@ WRITTEN = ("photographs/", "setup.toml", "setup.png", "outlines/")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
     """Make a set of synthetic photographs, measure them, and say where the pictures are."""
-    from measurement.cli.photos import photos
-    from measurement.cli.setup import setup
-    from measurement.synthetic.demo import make_photographs
+    with stoppable("measurement"):
+        from measurement.cli.photos import photos
+        from measurement.cli.setup import setup
+        from measurement.synthetic.demo import make_photographs
 
     try:
         place = open_place(output, Path("demo"), "demonstration of the measurement", WRITTEN)

@@ -104,7 +104,7 @@ def read_step(file: Path) -> int:
     import gmsh
 
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    gmsh.model.occ.importShapes(str(file))
+    gmsh.model.occ.importShapes(str(file), format="step")
     gmsh.option.setString("Geometry.OCCTargetUnit", "")
     gmsh.model.occ.synchronize()
     ((_, solid),) = gmsh.model.getEntities(3)

@@ -220,7 +220,7 @@ def _write_steps(named: Mapping[str, Solid], folder: Path, parted: Parted) -> No
     gmsh.write(file)
     for k, name in enumerate(order):
         with private_model():
-            solids = occ.importShapes(file)
+            solids = occ.importShapes(file, format="brep")
             occ.remove([solid for j, solid in enumerate(solids) if j != k], recursive=True)
             if name == "device":
                 turned([solids[k]], parted.turn.T)

@@ -134,7 +134,7 @@ def scaled(factor: float) -> None:
         gmsh.model.occ.remove(gmsh.model.occ.getEntities(3), recursive=True)
         before = gmsh.option.getNumber("Geometry.OCCScaling")
         gmsh.option.setNumber("Geometry.OCCScaling", factor)
-        gmsh.model.occ.importShapes(file)
+        gmsh.model.occ.importShapes(file, format="brep")
         gmsh.option.setNumber("Geometry.OCCScaling", before)
     gmsh.model.occ.synchronize()
 
