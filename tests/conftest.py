@@ -24,6 +24,9 @@ MEASURED = {
 }
 """Data of others by folder of ``shared/data`` beside the checkout: they are not part of the project."""
 ABSENT = "no shared/data/"
+NOISE = 1e-8
+"""Bounds below this are of rounding and of what the solvers' tolerances leave, which differ from machine to machine: they are
+asserted ten times wider."""
 
 
 @pytest.fixture(scope="session")
@@ -51,6 +54,8 @@ def figure(request):
 
     def check(against, name, value, at_most=None, *, at_least=None, unit=""):
         least = at_most is None
+        if not least and at_most < NOISE:
+            at_most = 10 * at_most
         assert np.size(value) and np.isfinite(value).all(), (against, name, value)
         worst = float(np.min(value) if least else np.max(np.abs(value)))
         bound = float(at_least if least else at_most)

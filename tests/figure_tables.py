@@ -35,7 +35,7 @@ class Figure(NamedTuple):
     @property
     def loose(self) -> bool:
         """Whether the bound lies farther from the value than three times, and not because the value is rounding."""
-        return not self.least and self.bound > 1.001e-12 and self.bound > 3.0 * abs(self.value)
+        return not self.least and self.bound > 1e-7 and self.bound > 3.0 * abs(self.value)
 
     def cells(self) -> tuple[str, str, str, str, str]:
         """The five cells of the figure's row."""
