@@ -21,7 +21,6 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.design.loads import VOLUME
-from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.sensitivity import Sensitivity
@@ -66,7 +65,14 @@ class Adjoint:
         self.solver.factorise(state)
         self._state = state
         self._tangent_load = np.array(self.solver.bordered.q.array_r)
-        self._opened = self.design.answer(self._tangent_load)
+        self._lifted: Array | None = None
+
+    @property
+    def _opened(self) -> Array:
+        """The prepared state's answer to a unit pressure, which is asked for only where a volume is kept."""
+        if self._lifted is None:
+            self._lifted = self.design.answer(self._tangent_load)
+        return self._lifted
 
     def multipliers(self, slopes: Slopes, kind: str) -> tuple[Array, float]:
         """lambda (owned entries) and eta of a quantity at the prepared state, for a load of a kind."""
@@ -158,12 +164,13 @@ class Adjoint:
         system, state = self.system, self._state
         material, found = system.material, {}
         for name in names:
-            step = STEP * (abs(material_number(material, name)) or material.shear_modulus_0)
+            number = material.poisson if name == "poisson" else material.parameters[name]
+            step = STEP * (abs(number) or material.shear_modulus_0)
             weights = BACKWARD if name == "poisson" else CENTRAL  # which may be 0.5, and never more
             found[name] = 0.0
             for shift, weight in weights.items():
                 system.set_material(nudged(material, name, shift * step))
-                found[name] += weight / step * measure.slopes(state).value
+                found[name] += weight / step * measure.value(state)
             system.set_material(material)
         return found
 
@@ -191,10 +198,3 @@ class Adjoint:
             force, stress = self._sensitivity.material_force(name)
             by_material[name] = system.stress_unit * total(system.comm, float(v @ force)) + state.P * stress
         return lengths, by_material
-
-
-def material_number(material: Material, name: str) -> float:
-    """Value of one of `known_parameters`."""
-    if hasattr(material, name):
-        return float(getattr(material, name))
-    return float(getattr(material, name.rstrip("0123456789"))[int(name[len(name.rstrip("0123456789")) :]) - 1])

@@ -82,7 +82,6 @@ class Bifurcations:
         self._eigenvalue = FormMeasure(
             design, forms, lambda values: (float(values.sum()), np.ones(len(values))), by_pressure=turned
         )
-        self.newton = 0
 
     def near(self, state: State, V: float, mode: Array, rest: float) -> Bifurcation:
         """The bifurcation near a volume.
@@ -101,7 +100,6 @@ class Bifurcations:
             states, modes, values = [], [], []
             for spread in SPREADS:
                 found = self.solver.solve(volume_control(V + spread * added), state.w, state.P)
-                self.newton += found.iterations
                 state = found
                 value, shape = Stability.of(self.solver).like(found, mode)
                 states.append(found)

@@ -92,13 +92,12 @@ class Extension:
 
     def _sliding(self, roles: Sequence[str]) -> list[tuple[int, str]]:
         """The component of z = B u that vanishes on each plane of symmetry."""
-        found = [
+        return [
             (component, role)
             for role, components in self.body._held_components()
             if role in roles
             for component in components
         ]
-        return [(component, role) for component, role in found]
 
     def extend(self, shift: Array) -> Array:
         """Displacement of all nodes (n, d) from that of the boundary's, shape (k, d)."""

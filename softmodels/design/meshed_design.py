@@ -219,7 +219,7 @@ class MeshedDesign:
         state = self.states.states[load]
         self.adjoint.prepare(state)
         if load.kind == PRESSURE:
-            negative = self.solver.bordered.negative_eigenvalues() - Stability.of(self.solver).constraints
+            negative = Stability.of(self.solver).negative_eigenvalues()
             if negative:
                 raise DesignFailure(f"the state at {load} is unstable: its tangent has {negative} negative eigenvalues")
         return state

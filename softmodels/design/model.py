@@ -15,10 +15,9 @@ from softmodels.case.case import Case
 from softmodels.design.evaluation import DesignFailure, Evaluation
 from softmodels.design.meshed_design import Judged, MeshedDesign, PoorMesh, Question
 from softmodels.design.quantities.base import Quantity
-from softmodels.design.quantities.composite import CompositeQuantity, TipPath
+from softmodels.design.quantities.composite import CompositeQuantity
 from softmodels.design.quantities.geometric import DeviceQuantity
 from softmodels.design.quantities.limits import OfLimit
-from softmodels.design.squares import Squares
 from softmodels.mechanics.newton import NoConvergence
 
 if TYPE_CHECKING:
@@ -38,8 +37,8 @@ class DesignModel:
         names: The parameters that are free, of `geometries.parameters.parameter_names`.
         quantities: What is asked of each design.
         comm: MPI communicator; every call is made by all ranks.
-        highest: Pressure in Pa up to which a limit point is looked for where a quantity is of it; twice the highest working
-            pressure by default.
+        highest: Pressure in Pa up to which a limit point is looked for where a quantity is of it; by default `FARTHEST` times
+            the highest working pressure.
         materials: Numbers of the material by which derivatives are wanted.
         report: Takes sentences on what is going on.
 
@@ -167,9 +166,7 @@ def _combined(one: CompositeQuantity, parts: Sequence[Judged]) -> Judged:
     values, slopes = np.array([part.value for part in parts]), np.array([part.gradient for part in parts])
     value, weights = one.combined(values)
     gradient = slopes.T @ weights
-    squares = None
-    if isinstance(one, TipPath) and gradient.size:
-        squares = Squares.of(one.residuals(values), slopes, 1.0, one.sigma)
+    squares = one.squares(values, slopes) if gradient.size else None
     names = parts[0].by_material
     rates = {name: float(weights @ np.array([part.by_material[name] for part in parts])) for name in names}
     return Judged(value, gradient, rates, squares)

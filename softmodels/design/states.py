@@ -117,7 +117,7 @@ class WorkingStates:
         self._witness = met[-1] if limit is None and len(met) > len(loads) else None
         try:
             if limit is not None and self.highest:
-                self.limit = self._limit_near(limit.state, limit.tangent)
+                self.limit = self._limit_near(limit.state, self._rest_volume)
             if forked is not None and forked.mode is not None and self._bifurcations is not None:
                 state = forked.state
                 self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
@@ -129,7 +129,10 @@ class WorkingStates:
     def _failure(self, load: Load, end: PathEnd) -> DesignFailure:
         if end.limit is None:
             return DesignFailure(f"the path ends before {load}: {end}")
-        pressure = end.limit.state.P * self.system.stress_unit
+        return self._limit_below(end.limit.state, load)
+
+    def _limit_below(self, limit: State, load: Load) -> DesignFailure:
+        pressure = limit.P * self.system.stress_unit
         return DesignFailure(f"the pressure has a limit point at {pressure / 1e3:.4g} kPa, before {load}", pressure)
 
     def _trace_volumes(self, loads: Sequence[Load]) -> None:
@@ -171,17 +174,10 @@ class WorkingStates:
         if self.limit is None:
             return None
         moved = dataclasses.replace(self.limit.state, V=self.limit.state.V - before + rest)
-        self._rest_volume = rest
-        try:
-            limit = self._limit_near(moved, self.limit.tangent)
-        finally:
-            self._rest_volume = before
-        pressure = limit.state.P * self.system.stress_unit
+        limit = self._limit_near(moved, rest)
         for load in sorted(self.states):
-            if load.kind == PRESSURE and load.value >= pressure:
-                raise DesignFailure(
-                    f"the pressure has a limit point at {pressure / 1e3:.4g} kPa, before {load}", pressure
-                )
+            if load.kind == PRESSURE and load.value >= limit.state.P * self.system.stress_unit:
+                raise self._limit_below(limit.state, load)
         return limit
 
     def _solve(self, load: Load, guess: State, rest: float) -> State:
@@ -193,13 +189,17 @@ class WorkingStates:
         self.newton += state.iterations
         return state
 
-    def _limit_near(self, guess: State, tangent: Tangent) -> LimitPoint:
+    def _limit_near(self, guess: State, rest: float) -> LimitPoint:
         """The limit point near a state, by the secant method on the slope of the pressure over the volume.
+
+        Args:
+            guess: The state.
+            rest: Volume of the undeformed cavity.
 
         Raises:
             NoConvergence: It is not near.
         """
-        added = guess.V - self._rest_volume
+        added = guess.V - rest
         here = self._on_path(guess, guess.V)
         step = FIRST_STEP * added
         for _ in range(MOST_SECANTS):
@@ -221,9 +221,9 @@ class WorkingStates:
         w, P = guess.w, guess.P
         if tangent is not None:
             w, P = w + (V - guess.V) * tangent.w, P + (V - guess.V) * tangent.P
-        state = self.solver.solve(volume_control(V), w, P)
-        self.newton += state.iterations
         line = volume_control(V)
+        state = self.solver.solve(line, w, P)
+        self.newton += state.iterations
         try:
             return LimitPoint(state, self.solver.tangent(state, line, TIGHT))
         except NoConvergence:  # the factorisation that is kept is of a state too far away

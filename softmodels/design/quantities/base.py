@@ -57,6 +57,10 @@ class Measure(abc.ABC):
     def slopes(self, state: State | None) -> Slopes:
         """Value and derivatives; the state is loaded into the equations. None for what needs no state."""
 
+    def value(self, state: State | None) -> float:
+        """The value alone, once `slopes` has been asked for on this mesh."""
+        return self.slopes(state).value
+
 
 class TargetMeasure(Measure):
     """Distances from something that is to be followed.

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from softmodels.design.loads import Load
 from softmodels.design.quantities.base import Measure, Quantity, length, quantity
 from softmodels.design.quantities.places import AXES, Place
+from softmodels.design.squares import Squares
 from softmodels.design.tip_path_file import read_tip_path
 
 if TYPE_CHECKING:
@@ -35,6 +36,10 @@ class CompositeQuantity(Quantity):
     @abc.abstractmethod
     def combined(self, values: Array) -> tuple[float, Array]:
         """Value of the function of the parts' values, and its slopes by them."""
+
+    def squares(self, values: Array, slopes: Array) -> Squares | None:
+        """Of a target that is to be followed its residuals, from the parts' values (k,) and their gradients (k, m)."""
+        return None
 
     def measure(self, design: DesignedBody) -> Measure:
         raise TypeError("a quantity made of others is measured by its parts")
@@ -134,3 +139,6 @@ class TipPath(CompositeQuantity):
         left = self.residuals(values)
         value = float(np.sqrt(left @ left / len(self.target)))
         return value, left / (len(self.target) * value) if value else np.zeros_like(left)
+
+    def squares(self, values: Array, slopes: Array) -> Squares:
+        return Squares.of(self.residuals(values), slopes, 1.0, self.sigma)

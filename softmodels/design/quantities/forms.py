@@ -48,11 +48,19 @@ class FormMeasure(Measure):
         self._by_pressure = [form(one) for one in by_pressure]
         self._covectors = [design.motion.compiled(one) for one in forms]
 
-    def slopes(self, state: State | None) -> Slopes:
+    def _combined(self) -> tuple[float, Array]:
+        """The value in SI units and its slopes by the integrals."""
         system = self.design.system
         unit = system.stress_unit if self.counted_in_stress else 1.0
         value, rates = self.combine(np.array([system.integral(form) for form in self._forms]))
-        value, rates = unit * value, unit * rates
+        return unit * value, unit * rates
+
+    def value(self, state: State | None) -> float:
+        return self._combined()[0]
+
+    def slopes(self, state: State | None) -> Slopes:
+        system = self.design.system
+        value, rates = self._combined()
         by_w: Array | None = None
         by_X = np.zeros(self.design.motion.entries)
         for rate, slope, covector in zip(rates, self._slopes, self._covectors, strict=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 from typing import TYPE_CHECKING, ClassVar
 
@@ -17,10 +16,12 @@ class OfLimit(Quantity):
     """Something of the limit point of the pressure."""
 
     of_state: ClassVar = False
+    margin: ClassVar = False
+    """Whether it is over the highest working pressure."""
 
-    @abc.abstractmethod
     def factor(self, working: float) -> float:
         """By which the limit pressure in Pa is multiplied; ``working`` is the highest working pressure."""
+        return 1.0 / working if self.margin else 1.0
 
     def measure(self, design: DesignedBody) -> Measure:
         raise TypeError("a quantity of the limit point follows from that point alone")
@@ -40,9 +41,6 @@ class BifurcationPressure(OfBifurcation):
     unit: ClassVar = "Pa"
     help: ClassVar = "pressure at the first bifurcation, where the device leaves its symmetric shape"
 
-    def factor(self, working: float) -> float:
-        return 1.0
-
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -52,9 +50,7 @@ class BifurcationMargin(OfBifurcation):
     name: ClassVar = "bifurcation_margin"
     unit: ClassVar = "1"
     help: ClassVar = "pressure at the first bifurcation over the highest working pressure"
-
-    def factor(self, working: float) -> float:
-        return 1.0 / working
+    margin: ClassVar = True
 
 
 @quantity
@@ -66,9 +62,6 @@ class LimitPressure(OfLimit):
     unit: ClassVar = "Pa"
     help: ClassVar = "pressure at the first limit point, where the device balloons"
 
-    def factor(self, working: float) -> float:
-        return 1.0
-
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -78,6 +71,4 @@ class LimitMargin(OfLimit):
     name: ClassVar = "limit_margin"
     unit: ClassVar = "1"
     help: ClassVar = "limit pressure over the highest working pressure"
-
-    def factor(self, working: float) -> float:
-        return 1.0 / working
+    margin: ClassVar = True

@@ -63,7 +63,7 @@ class PeakMeasure(FormMeasure):
         self._found = self._largest(self.design)
         if self._factor == 0.0:
             self._factor = 1.0
-            smooth = super().slopes(state).value
+            smooth = self.value(state)
             self._factor = self._found / smooth if smooth > 0.0 else 1.0
         return super().slopes(state)
 
