@@ -21,6 +21,7 @@ from softmodels.case.errors import PART_ERRORS, CaseError
 from softmodels.case.gauges import Gauges
 from softmodels.case.load import STIFFNESS_RANGE, Load
 from softmodels.case.material_table import DEFAULT
+from softmodels.case.parts_entry import Parts, PartsEntry, check_parts
 from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntry, NameEntry, ProgramEntry
 from softmodels.materials.laws import Material
 from softmodels.materials.stability import check_rest
@@ -79,6 +80,7 @@ class Case:
         program: What each of several cavities goes through by itself, in place of one requested quantity; else empty.
         obstacle: A rigid plane that faces of the device come to rest on.
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
+        parts: What else is added to the device; see `softmodels.mechanics.parts`.
 
     Raises:
         CaseError: From the constructor, if this cannot be run or cannot be meant.
@@ -116,6 +118,7 @@ class Case:
     program: Program = dataclasses.field(default=(), metadata=_written(ProgramEntry()))
     obstacle: Obstacle | None = dataclasses.field(default=None, metadata=_written(Part(Obstacle)))
     gauges: Gauges = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
+    parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
@@ -129,6 +132,8 @@ class Case:
                 if part is not None:
                     part.check_on(self.actuator)
             self.gauges.check(self.actuator)
+            object.__setattr__(self, "parts", tuple(self.parts))
+            check_parts(self.parts, self.actuator)
             self._check_material()
             self.load.check_size(self.material.shear_modulus_0, self.actuator.cavity_volume)
             check_rest(self.material)

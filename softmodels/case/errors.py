@@ -8,6 +8,7 @@ from softmodels.case.gauges import GaugeError
 from softmodels.case.ranges import SeriesError
 from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.contact import ObstacleError
+from softmodels.mechanics.parts import PartError
 from softmodels.path.air_supply import SupplyError
 from softmodels.path.schedule import ProgramError
 
@@ -17,7 +18,8 @@ class CaseError(Spoken, ValueError):
 
 
 PART_ERRORS = (
-    FieldError, GaugeError, GeometryError, MaterialError, ObstacleError, ProgramError, SeriesError, SupplyError,
+    FieldError, GaugeError, GeometryError, MaterialError, ObstacleError, PartError, ProgramError, SeriesError,
+    SupplyError,
 )  # fmt: skip
 """What the parts of a case raise."""
 INPUT_ERRORS = (CaseError, *PART_ERRORS)

@@ -166,7 +166,8 @@ def _answered(
     """The limits by material and of the devices within the tolerances; ends the program where there are none."""
     case, sampled = question.case, list[Sampled]()
     try:
-        limits = find_limit(case.actuator, list(materials.values()), comm, case.sheet, case.obstacle, case.formulation)
+        around = (case.sheet, case.obstacle, case.formulation, case.parts)
+        limits = find_limit(case.actuator, list(materials.values()), comm, *around)
         if question.tolerances:
             values = samples(question.tolerances, question.count, question.normal)
             first = next(iter(materials.values()))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from softmodels.design.mesh_motion import MeshMotion
 from softmodels.materials.strain import Strain
+from softmodels.mechanics.face_load import face_load
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.solver import Solver
 from softmodels.results.grid import Grid, displacement_maps
@@ -71,8 +72,8 @@ class DesignedBody:
         return self.system.integral(self._rest_volume)
 
     def face_load(self, role: str) -> Array:
-        """A unit load along the lift, spread evenly over a role's undeformed facets: owned entries; see `System.face_load`."""
-        return self.system.face_load(role, self.system.body.actuator.lift).copy()
+        """A unit load along the lift, spread evenly over a role: owned entries; see `mechanics.face_load`."""
+        return face_load(self.system, role, self.system.body.actuator.lift).copy()
 
     def answer(self, force: Array) -> Array:
         """K^-1 times a force with the factorisation at hand, refined once on the K that was factorised; owned entries."""

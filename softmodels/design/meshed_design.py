@@ -129,7 +129,7 @@ class MeshedDesign:
             body = Body.from_file(device, file, comm)
             comm.barrier()
         with compiling():
-            solver = Solver(System(body, case.material, case.formulation, case.sheet, case.obstacle))
+            solver = Solver(System(body, case.material, case.formulation, case.sheet, case.obstacle, case.parts))
             made = cls(DesignedBody(solver), question)
         try:
             made.states.trace()

@@ -2,15 +2,17 @@
 
 Pi(u, p; P) = int shape(F) + p (J - 1) - p^2 / (2 bulk) dX - P V(u)
 
-A bonded sheet and a plane that stops faces are further terms. With several cavities V is a sum of theirs, and others'
-pressures work on their own volumes (`mechanics.coupling`). Residual and tangent are its derivatives, so the follower pressure's
-stiffness and the symmetry come along. Lengths are in sizes of the device and stresses in shear moduli.
+A bonded sheet, a plane that stops faces and further parts (`mechanics.parts`) are further terms. With several cavities V is
+a sum of theirs, and others' pressures work on their own volumes (`mechanics.coupling`). Residual and tangent are its
+derivatives, so the follower pressure's stiffness and the symmetry come along. Lengths are in sizes of the device and stresses
+in shear moduli.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import types
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +23,7 @@ from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.contact import Contact, Obstacle
 from softmodels.mechanics.coupling import Coupling
+from softmodels.mechanics.parts import EnergyPart, Part, Setting
 from softmodels.mechanics.sheet import Sheet, membrane_energy, membrane_stress, membrane_tangent, surface_metric
 
 if TYPE_CHECKING:
@@ -38,21 +41,32 @@ class Potential:
         mixed: Whether p is an unknown, or displacements alone.
         sheet: A thin sheet bonded to one of the body's faces.
         obstacle: A rigid plane that stops some of the faces.
+        parts: What else is added to it.
 
     Attributes:
         space: Function space of the unknowns w.
         displacement: Skew components of the displacement in w.
         P: Cavity pressure.
         parameters: The law's parameters by name, those that are stresses in shear moduli.
+        per_pascal: One pascal in shear moduli.
         bulk: Bulk modulus; its inverse if mixed: that may vanish, the bulk may not be infinite.
         volumes, loads: Each cavity's volume, and its derivative by w.
         cavity_volume: What P works on.
         energies: Terms of the stored energy.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
         contact: The plane's terms, if there is one.
+        terms: Those of further parts, by their labels.
     """
 
-    def __init__(self, body: Body, material: Material, mixed: bool, sheet: Sheet | None, obstacle: Obstacle | None):
+    def __init__(
+        self,
+        body: Body,
+        material: Material,
+        mixed: bool,
+        sheet: Sheet | None,
+        obstacle: Obstacle | None,
+        parts: Sequence[Part] = (),
+    ):
         import basix.ufl
         import ufl
         from dolfinx import fem
@@ -78,6 +92,10 @@ class Potential:
         self.contact = None if obstacle is None else Contact(obstacle, body, self.displacement)
         if self.contact is not None:
             self.energies += self.contact.energies
+        self.per_pascal = fem.Constant(mesh, 1.0)
+        setting = Setting(body, self.w, self.displacement, self.per_pascal)
+        self.terms = {part.label: part.term(setting) for part in parts if isinstance(part, EnergyPart)}
+        self.energies += [energy for term in self.terms.values() for energy in term.energies]
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
         self.forces = [*self.internal, -pressures]
         # The stress of a sheet as it is foreseen from another state, in Newton's matrix alone; see `foresee`.
@@ -148,6 +166,7 @@ class Potential:
             getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
         if self.sheet is not None:
             self.sheet_stiffness.value = self.sheet.stiffness / (mu * length_unit)
+        self.per_pascal.value = 1 / mu
         self.bulk.value = mu / material.bulk if self.mixed else material.bulk / mu
 
     def set_pressures(self, P: float, coupling: Coupling, pressures: npt.NDArray[np.float64]) -> None:

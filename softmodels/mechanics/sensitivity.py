@@ -146,6 +146,12 @@ class _Directions:
         self.length = eq.length_unit
         energies = eq.potential.stored(slope, self.stiffness)
         self.energy = sum(energies[1:], energies[0])
+        # Parts keep their stiffness in Pa, which in shear moduli falls; their energies are linear in one Pa's share.
+        self.per_pascal = fem.Constant(mesh, 0.0)
+        for term in eq.potential.terms.values():
+            for energy in term.energies:
+                if eq.potential.per_pascal in energy.constants():
+                    self.energy += ufl.replace(energy, {eq.potential.per_pascal: self.per_pascal})
 
     def turn(self, material: Material, name: str) -> float:
         """Point the direction along one parameter of the law; returns the shear modulus' derivative by it."""
@@ -161,4 +167,5 @@ class _Directions:
         self.bulk.value = np.imag(ratio) / _STEP
         if self.sheet is not None:  # it keeps its stiffness, which in shear moduli falls
             self.stiffness.value = np.imag(self.sheet.stiffness / (mu * self.length)) / _STEP
+        self.per_pascal.value = np.imag(1 / mu) / _STEP
         return mu.imag / _STEP

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,10 +16,11 @@ import numpy.typing as npt
 
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.strain import Strain
-from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, in_section
+from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.sheet import Sheet
 
@@ -60,6 +62,7 @@ class System:
         formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
         sheet: A thin sheet bonded to one of the body's faces.
         obstacle: A rigid plane that stops some of the faces.
+        parts: What else is added to it; see `softmodels.mechanics.parts`.
 
     Attributes:
         potential: What all of it is derived from.
@@ -72,6 +75,7 @@ class System:
         BodyError: A cavity whose wall encloses another volume than the device's.
         MaterialError: An incompressible material in the displacement formulation.
         ObstacleError: A plane that these faces cannot come to rest on.
+        PartError: A part that cannot be on this mesh.
     """
 
     potential_class: type[Potential] = Potential  # one's own may have further terms
@@ -83,6 +87,7 @@ class System:
         formulation: str = "mixed",
         sheet: Sheet | None = None,
         obstacle: Obstacle | None = None,
+        parts: Sequence[Part] = (),
     ):
         from dolfinx import fem
         from dolfinx.fem import petsc as fem_petsc
@@ -93,7 +98,7 @@ class System:
             raise MaterialError("poisson = 0.5 needs the mixed formulation: displacements alone would lock")
         self.body, self.formulation, self.sheet, self.comm = body, formulation, sheet, body.mesh.comm
         self.mixed = formulation == "mixed"
-        self.potential = self.potential_class(body, material, self.mixed, sheet, obstacle)
+        self.potential = self.potential_class(body, material, self.mixed, sheet, obstacle, parts)
         self.space, self.w, self.contact = self.potential.space, self.potential.w, self.potential.contact
         self.set_material(material)
         self.form = functools.partial(fem.form, jit_options=JIT)
@@ -121,6 +126,8 @@ class System:
         self._volumes = [form(own) for own in potential.volumes]
         self._loads = [form(load) for load in potential.loads]
         self._contact_forces = [form(force) for force in potential.contact.forces] if potential.contact else []
+        for term in potential.terms.values():
+            term.compile(self)
         self._stored = [form(energy) for energy in potential.energies]
         self._internal = [form(force) for force in potential.internal]
         self._product = [form(second) for second in potential.tangent(potential.direction)]
@@ -282,16 +289,3 @@ class System:
         for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
             dofs, owned = bc.dof_indices()
             y[dofs[:owned]] = x[dofs[:owned]]
-
-    def face_load(self, role: str, direction: npt.ArrayLike) -> Array:
-        """A unit load on the slice, spread evenly over a role's undeformed facets: owned entries, zero at held dofs."""
-        import ufl
-        from dolfinx import fem
-
-        measure, _ = self.body.sheet_face(role)
-        test = ufl.TestFunction(self.space)
-        y = ufl.split(test)[0] if self.mixed else test
-        along = fem.Constant(self.body.mesh, in_section(direction, self.body.actuator.dimension))
-        spread = fem.form(ufl.dot(along, self.body.displacement(y)) * self.body.hoop * measure)
-        one = fem.Constant(self.body.mesh, 1.0)
-        return self.assemble([spread]) / self.integral(fem.form(one * self.body.hoop * measure))

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
+from softmodels.mechanics.parts import PARTS
 from softmodels.path.quantities import Supply
 from softmodels.results.column import Column, Columns, Solved
 from softmodels.results.forces import MEASURES
@@ -119,8 +120,8 @@ def _rise_term(column: str, device: Actuator | None) -> Term | None:
 def _device_term(column: str, device: Actuator | None) -> Term | None:
     if device is not None and column in device.figure_texts:
         return described(column, device.figure_texts[column])
-    for measure in MEASURES:
-        for pattern, (title, text) in measure.texts.items():
+    for texts in (*(measure.texts for measure in MEASURES), *(kind.figure_texts for kind in PARTS.values())):
+        for pattern, (title, text) in texts.items():
             if found := re.fullmatch(pattern, column):
                 return described(column, (title.format(*found.groups()), text.format(*found.groups())))
     return None

@@ -67,6 +67,12 @@ def contact_force(sampling: Sampling, state: State) -> dict[str, float]:
     }
 
 
+def part_figures(sampling: Sampling, state: State) -> dict[str, float]:
+    """What the parts added to the device tell of a state."""
+    eq = sampling.system
+    return {name: value for term in eq.potential.terms.values() for name, value in term.figures(eq).items()}
+
+
 def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
     """Stiffness in N/m of the whole device along the lift at a state, if it tells of one: a tangent, no difference.
 
@@ -82,6 +88,7 @@ def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
 
 
 MEASURES: list[Measure] = [
+    Measure(part_figures, {}),  # their texts stand on the kinds of parts
     Measure(
         blocked_force,
         {"blocked_force_N": ("blocked force", "with which the whole device pushes along its lift on what holds its tip")},

@@ -24,6 +24,7 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.parts import Part
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -75,6 +76,7 @@ def find_limit(
     sheet: Sheet | None = None,
     obstacle: Obstacle | None = None,
     formulation: str = "mixed",
+    parts: Sequence[Part] = (),
 ) -> list[Limit]:
     """Limits of one device in several materials; it is meshed once.
 
@@ -84,9 +86,10 @@ def find_limit(
         comm: MPI communicator.
         sheet, obstacle: What is bonded to it, and what it comes to rest on.
         formulation: As a case has it.
+        parts: What else is added to it.
 
     Raises:
-        MeshingError, BodyError, MaterialError, ObstacleError: As for a run.
+        MeshingError, BodyError, MaterialError, ObstacleError, PartError: As for a run.
     """
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
@@ -105,7 +108,7 @@ def find_limit(
             key = (type(material), len(getattr(material, "mu", ())))
             if key not in known:
                 with compiling():
-                    solver = Solver(System(body, material, formulation, sheet, obstacle))
+                    solver = Solver(System(body, material, formulation, sheet, obstacle, parts))
                     known[key] = solver, Fields(solver)
             solver, fields = known[key]
             solver.system.set_material(material)
@@ -248,5 +251,6 @@ def scatter(
             device = case.actuator.made(changes)
         except GeometryError as error:
             raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
-        found.append((changes, find_limit(device, [material], comm, case.sheet, case.obstacle, case.formulation)[0]))
+        around = (case.sheet, case.obstacle, case.formulation, case.parts)
+        found.append((changes, find_limit(device, [material], comm, *around)[0]))
     return found

@@ -7,6 +7,7 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.mechanics.face_load import face_load
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.results.grid import Grid, displacement_maps
@@ -48,7 +49,7 @@ class Sampling:
         """A unit load along the lift, spread over the device's `Actuator.pushed` face, as dofs."""
         actuator = self.system.body.actuator
         assert actuator.pushed is not None
-        return self.system.face_load(actuator.pushed, actuator.lift)
+        return face_load(self.system, actuator.pushed, actuator.lift)
 
     def gradients(self) -> Array:
         """Deformation gradients of the state that is loaded, shape (cells, points, 3, 3)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypedDict, Unpack
 
@@ -14,6 +14,7 @@ from softmodels.case.case import Case, CaseError
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import is_root, start
+from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.sheet import Sheet
 from softmodels.results.limits import Limit, find_limit
 from softmodels.results.outcomes import RunError
@@ -69,8 +70,8 @@ def inflate(
             ``"0,70,130 cm"``, or numbers in Pa.
         volumes: The same of added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
         options: ``strokes`` (``"0:20 ml"`` or m3) with ``supply``, such as a `Syringe`; of a `Case` ``control``,
-            ``formulation``, ``sheet``, ``obstacle``, ``cycle``, ``program``, ``gauges``, ``water_density``, ``name``; and
-            ``progress``, ``folder``, ``resume``, ``branch`` as of `run`.
+            ``formulation``, ``sheet``, ``obstacle``, ``parts``, ``cycle``, ``program``, ``gauges``, ``water_density``,
+            ``name``; and ``progress``, ``folder``, ``resume``, ``branch`` as of `run`.
 
     Returns:
         The run. A path that ends before the last requested value comes back with its end in `Run.limit`.
@@ -158,13 +159,14 @@ def limit(
     sheet: Sheet | None = None,
     obstacle: Obstacle | None = None,
     formulation: str = "mixed",
+    parts: Sequence[Part] = (),
 ) -> Limit:
     """How far a device can be inflated: its first limit point or bifurcation, and where it is strained most there.
 
     Args:
         device: The device.
         material: Its silicone.
-        sheet, obstacle, formulation: As of a `Case`.
+        sheet, obstacle, formulation, parts: As of a `Case`.
 
     Raises:
         CaseError: What cannot be meant.
@@ -175,10 +177,11 @@ def limit(
     from softmodels.mechanics.compiling import CompilingError
 
     # What no case may be, no limit is asked of; its load is not looked at.
-    Case("limit", device, material, pressures_cm=(1.0,), formulation=formulation, sheet=sheet, obstacle=obstacle)
+    around = {"sheet": sheet, "obstacle": obstacle, "parts": tuple(parts)}
+    Case("limit", device, material, pressures_cm=(1.0,), formulation=formulation, **around)  # type: ignore[arg-type]
     comm = start()
     try:
         with sentences():
-            return find_limit(device, [material], comm, sheet, obstacle, formulation)[0]
-    except (BodyError, CompilingError) as error:
+            return find_limit(device, [material], comm, sheet, obstacle, formulation, parts)[0]
+    except (BodyError, CompilingError, PartError) as error:
         raise RunError(str(error)) from error

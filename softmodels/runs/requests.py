@@ -16,6 +16,7 @@ from softmodels.case.gauges import Gauges
 from softmodels.case.ranges import SeriesError, series
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.parts import Part
 from softmodels.mechanics.sheet import Sheet
 from softmodels.path.schedule import Program
 from softmodels.path.syringe import Syringe
@@ -36,6 +37,7 @@ class Options(TypedDict, total=False):
     formulation: str
     sheet: Sheet
     obstacle: Obstacle
+    parts: Sequence[Part]
     cycle: bool
     program: Program
     gauges: Gauges

@@ -17,6 +17,7 @@ from softmodels.case.case import Case
 from softmodels.materials.stability import weakness
 from softmodels.mechanics.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
+from softmodels.mechanics.parts import PartError
 from softmodels.results.column import Solved
 from softmodels.results.columns import row_of
 from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
@@ -102,9 +103,10 @@ class Simulation:
         try:
             self.body = Body.from_file(case.actuator, file, self.comm)
             with compiling():
-                self.solver = Solver(System(self.body, case.material, case.formulation, case.sheet, case.obstacle))
+                system = System(self.body, case.material, case.formulation, case.sheet, case.obstacle, case.parts)
+                self.solver = Solver(system)
                 self.fields = Fields(self.solver, case.gauges)
-        except (BodyError, CompilingError) as error:
+        except (BodyError, CompilingError, PartError) as error:
             raise RunError(str(error)) from error
 
     def describe(self) -> None:

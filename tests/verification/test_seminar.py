@@ -116,12 +116,14 @@ def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
 
 def test_stiffness_is_the_tangents(equilibrium, solved, figure):
     """A dead load a little along its own motion leaves that much of itself unbalanced; and it is a unit load."""
+    from softmodels.mechanics.face_load import face_load
+
     slab = SeminarActuator(**COARSE)
     equations = equilibrium(slab, LAW)
     _, points, _ = solved(equations, [P / equations.system.stress_unit for P in PRESSURES])
     fields, state = Fields(equations), points[-1].state
     told = [fields.figures(point.state).device["tip_stiffness_N_per_m"] for point in points if point.requested]
-    load = equations.system.face_load("tip", slab.lift)
+    load = face_load(equations.system, "tip", slab.lift)
     lift = int(np.argmax(equations.system.body.skew @ np.asarray(slab.lift)))
     vectors = equations.system.space.sub(0).sub(lift).collapse()[1]
     assert load[vectors].sum() == pytest.approx(1.0, rel=1e-9) and load.sum() == pytest.approx(1.0, rel=1e-9)

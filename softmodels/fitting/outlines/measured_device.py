@@ -17,6 +17,7 @@ from softmodels.fitting.problem import FitError
 from softmodels.materials.material import Material
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class MeasuredDevice:
         formulation: See `softmodels.case.case.Case`.
         sheet: A sheet bonded to one of its faces.
         obstacle: A plane that it comes to rest on.
+        parts: What else is added to it.
     """
 
     actuator: Actuator
@@ -42,6 +44,7 @@ class MeasuredDevice:
     formulation: str = "mixed"
     sheet: Sheet | None = None
     obstacle: Obstacle | None = None
+    parts: tuple[Part, ...] = ()
 
     @classmethod
     def of(cls, device: Actuator | Case | MeasuredDevice) -> MeasuredDevice:
@@ -49,8 +52,9 @@ class MeasuredDevice:
         if isinstance(device, MeasuredDevice):
             return dataclasses.replace(device, actuator=as_section(device.actuator))
         if isinstance(device, Case):
-            case = device
-            return cls(as_section(case.actuator), case.name, case.material, case.formulation, case.sheet, case.obstacle)
+            case, section = device, as_section(device.actuator)
+            around = (case.sheet, case.obstacle, case.parts)
+            return cls(section, case.name, case.material, case.formulation, *around)
         return cls(as_section(device), device.name)
 
     def model(self, choice: LawChoice, comm: MPI.Comm) -> DeviceModel:
@@ -71,8 +75,9 @@ class MeasuredDevice:
             with compiling():
                 body = Body.from_file(self.actuator, mesh, comm)
                 material = choice.material(choice.from_modulus(30e3))
-                return DeviceModel(Solver(System(body, material, self.formulation, self.sheet, self.obstacle)), choice)
-        except (BodyError, CompilingError, MeshingError, GeometryError, OSError) as error:
+                around = (self.sheet, self.obstacle, self.parts)
+                return DeviceModel(Solver(System(body, material, self.formulation, *around)), choice)
+        except (BodyError, CompilingError, PartError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:
             on_root(comm, lambda: shutil.rmtree(folder, ignore_errors=True))

@@ -1,0 +1,70 @@
+"""The parts of a case: tables ``[kind]`` or ``[kind.name]``, of every kind that is registered."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from geometries import Actuator, codec
+from geometries.errors import FieldError
+from geometries.kinds import Text
+from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, table_of
+from softmodels.mechanics.parts import PARTS, Part, PartError
+
+Parts = tuple[Part, ...]
+
+
+class PartsEntry(Entry[Parts]):
+    """What is added to the device."""
+
+    @property
+    def tables(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(PARTS)
+
+    def read(self, tables: Tables) -> Parts | Missing:
+        found = [part for name, kind in PARTS.items() if name in tables for part in _of_table(kind, tables)]
+        return tuple(found) or MISSING
+
+    def write(self, value: Parts, text: Text) -> Written:
+        written: dict[str, dict[str, object]] = {}
+        for part in value:
+            table = written.setdefault(part.table, {})
+            (table.setdefault(part.name, {}) if part.name else table).update(codec.to_table(part, text))  # type: ignore[attr-defined]
+        return written
+
+
+def _of_table(kind: type[Part], tables: Tables) -> list[Part]:
+    table = table_of(tables, kind.table)
+    named = [isinstance(value, Mapping) for value in table.values()]
+    if not any(named):
+        return [_made(kind, "", table)]
+    if not all(named):
+        raise FieldError(
+            f"[{kind.table}] has entries beside [{kind.table}.name] tables; put each {kind.table} in a table with a name"
+        )
+    return [_made(kind, name, table_of(table, name)) for name in table]
+
+
+def _made(kind: type[Part], name: str, table: Mapping[str, object]) -> Part:
+    where = f"[{kind.table}.{name}]" if name else f"[{kind.table}]"
+    values = codec.from_table(kind, table, where, f"{kind.table} ")
+    required = [field.name for field in dataclasses.fields(kind) if field.default is dataclasses.MISSING]
+    if missing := [field for field in required if field not in values]:
+        raise FieldError(kind.needs or f"{where} needs {' and '.join(missing)}")
+    return kind(**values, name=name)
+
+
+def check_parts(parts: Sequence[Part], actuator: Actuator) -> None:
+    """Refuse parts that the device cannot take, or that have one name in common.
+
+    Raises:
+        PartError: Which, and why.
+    """
+    twice = [label for label, count in Counter(part.label for part in parts).items() if count > 1]
+    if twice:
+        raise PartError(
+            f"several parts are called {twice[0]}; give each a name of its own, since their columns bear it"
+        )
+    for part in parts:
+        part.check_on(actuator)

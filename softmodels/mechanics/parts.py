@@ -1,0 +1,169 @@
+"""What can be added to a device beside its silicone and its air: one more term of its potential, one more role on its mesh.
+
+A part is a frozen dataclass whose fields come from `geometries.fields`. Its ``table`` is its table in a case file: ``[table]``
+for one alone, ``[table.name]`` for several. A kind of one's own, also from outside the library:
+
+    @register_part
+    @dataclasses.dataclass(frozen=True)
+    class Springs(EnergyPart):
+        table: ClassVar[str] = "springs"
+        face: str = field_of(Words(), "face on springs")
+        stiffness: float = field_of(Quantity("Pa/m"), "pressure per displacement")
+
+        def term(self, setting):
+            body = setting.body
+            u, area = body.displacement(setting.displacement), body.sheet_face(self.face)[0]
+            k = fem.Constant(body.mesh, self.stiffness * body.actuator.size)
+            return Term([setting.per_pascal * k / 2 * ufl.dot(u, u) * body.hoop * area])
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import re
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, ClassVar, Protocol
+
+from geometries import Actuator
+from geometries.fields import settle
+from measurement.wording import Spoken
+
+if TYPE_CHECKING:
+    import ufl
+    from dolfinx import fem
+    from mpi4py import MPI
+    from ufl.core.expr import Expr
+
+    from softmodels.mechanics.body import Body
+
+
+class PartError(Spoken, ValueError):
+    """A part that cannot be meant, or not on this device; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Part(abc.ABC):
+    """Something added to a device.
+
+    Attributes:
+        name: What tells it from others of its kind; empty for one alone.
+        table: Its table in a case file.
+        needs: What is missing where a field without a default is not given, a sentence.
+        figure_texts: Short name and meaning of its columns of ``path.csv`` by a pattern of `re`; ``{0}`` is its first group.
+
+    Raises:
+        PartError: From the constructor: a field that is not of its kind, or a name that cannot be part of a column's.
+    """
+
+    name: str = dataclasses.field(default="", kw_only=True)
+    table: ClassVar[str]
+    needs: ClassVar[str] = ""
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
+
+    def __post_init__(self) -> None:
+        settle(self, PartError)
+        if not re.fullmatch(r"([a-z]\w*)?", self.name):
+            raise PartError(f"{self.where}: a name is of letters, digits and '_' and begins with a small letter")
+        self.check()
+
+    def check(self) -> None:  # noqa: B027 - most have nothing to check
+        """Check the fields against each other; `PartError` for what cannot be meant."""
+
+    def check_on(self, actuator: Actuator) -> None:  # noqa: B027
+        """Raise `PartError` where it cannot be on a device; the mesh is not made yet."""
+
+    @property
+    def label(self) -> str:
+        """What its columns begin with: its name, or its table's."""
+        return self.name or self.table
+
+    @property
+    def where(self) -> str:
+        """Its table in messages."""
+        return f"[{self.table}.{self.name}]" if self.name else f"[{self.table}]"
+
+
+class EnergyPart(Part):
+    """A part that stores energy, such as fibres, or that is pressed on."""
+
+    @abc.abstractmethod
+    def term(self, setting: Setting) -> Term:
+        """Its term in the equations.
+
+        Raises:
+            PartError: Not on this mesh.
+        """
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Setting:
+    """The potential that a part adds its term to.
+
+    Attributes:
+        body: Mesh and roles.
+        w: The unknowns.
+        displacement: Skew components of the displacement in w, in UFL; `Body.displacement` makes u of it.
+        per_pascal: One pascal in shear moduli of the silicone.
+    """
+
+    body: Body
+    w: fem.Function
+    displacement: Expr
+    per_pascal: fem.Constant
+
+
+class Equations(Protocol):
+    """What a term's figures are computed with: the `System`, whose functions hold the state."""
+
+    @property
+    def body(self) -> Body: ...
+    @property
+    def comm(self) -> MPI.Comm: ...
+    @property
+    def stress_unit(self) -> float: ...
+    @property
+    def length_unit(self) -> float: ...
+    @property
+    def volume_unit(self) -> float: ...
+    @property
+    def form(self) -> Callable[[ufl.Form], fem.Form]: ...
+    def integral(self, form: fem.Form) -> float: ...
+
+
+@dataclasses.dataclass(eq=False)
+class Term:
+    """One part's share of a device's potential.
+
+    Attributes:
+        energies: UFL integrals of the slice, lengths in sizes of the device and stresses in shear moduli of the silicone:
+            a stiffness in Pa is multiplied by `Setting.per_pascal`, once, so that fits know its derivative.
+    """
+
+    energies: list[ufl.Form]
+
+    def compile(self, equations: Equations) -> None:
+        """Compile what `figures` needs, once."""
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        """Columns of ``path.csv`` and their values in the state that is loaded, of the whole device, on all ranks."""
+        return {}
+
+
+PARTS: dict[str, type[Part]] = {}
+"""Every kind of part by its table."""
+
+
+def register_part[P: type[Part]](kind: P) -> P:
+    """Let case files find a kind of part by its table; a class decorator.
+
+    A class of the same module and name, as a notebook defines it anew, takes the place of the one before.
+
+    Raises:
+        ValueError: Another kind has this table.
+    """
+    known = PARTS.get(kind.table, kind)
+    if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
+        raise ValueError(f"there is a part with the table {kind.table!r} already, in {known.__module__}")
+    PARTS[kind.table] = kind
+    return kind
