@@ -77,9 +77,9 @@ def angle_field(default: float, text: str, **more: Any) -> Any:
     return field_of(Quantity("degree"), text, default, **more)
 
 
-def number_field(default: float, text: str, *, shape: bool = True) -> Any:
-    """Return a dataclass field for a pure number; see `About.shape`."""
-    return field_of(Quantity(), text, default, shape=shape)
+def number_field(default: float, text: str, **more: Any) -> Any:
+    """Return a dataclass field for a pure number; ``more`` are further attributes of `About`."""
+    return field_of(Quantity(), text, default, **more)
 
 
 def choice_field(default: str | int, choices: tuple[str | int, ...], text: str) -> Any:
