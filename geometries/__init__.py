@@ -18,6 +18,7 @@ from measurement.ending import stoppable
 # While Python looks for the module that -m names, as python -m geometries, it is no library that is imported.
 with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullcontext():
     from geometries.actuator import Actuator, CutPlane, Hold
+    from geometries.bending_bellows import BendingBellows
     from geometries.disk import HollowDisk
     from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
     from geometries.imported import ImportedActuator
@@ -28,6 +29,7 @@ with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullconte
 __all__ = [
     "ACTUATORS",
     "Actuator",
+    "BendingBellows",
     "CutPlane",
     "GeometryError",
     "Hold",

@@ -1,0 +1,136 @@
+"""A bellows that bends: half-round folds on a flat base, which pressure draws apart while the base keeps its length.
+
+Seen from the side, x from the clamp to the tip, the mirror plane y = 0 cut open::
+
+    z
+    |  ____   _     _     _   ____
+    |  |  |  / \\   / \\   / \\  |  |    folds: arcs of one wall
+    |  |  |_/   \\_/   \\_/   \\_|  |
+    |  |root        air       cap|
+    |  |_________________________|    z = base / 2, the axis of the folds
+    0--|-------------------------|--- x
+       |_________________________|    base
+
+Seen along x, wall and air are half rings and half disks on the base. The bellows bends down, towards its base: the rise of its
+tip is negative. The supply hose is not modelled: the cavity is closed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometries import bending_bellows_plan as plan
+from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.bending import Bending
+from geometries.bending_bellows_checks import check_bellows
+from geometries.fields import choice_field, length_field
+from geometries.mirroring import Mirror
+from geometries.registry import register
+
+
+@register
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BendingBellows(Bending, Actuator):
+    """Half-round folds on a flat base that bend towards the base.
+
+    Lengths are in m. The middle of the base is z = 0, the clamp x = 0. Physical groups: volumes "solid" and "base" (the base
+    layer); surfaces "cavity", "support" (the root's end, x = 0, clamped), "tip" (the other end), "folds" (the outside of the
+    wavy wall), "bottom" (the base's outside), "outer" (the rest of the outside) and, of a half, "plane0" (y = 0).
+    """
+
+    folds: int = choice_field(4, tuple(range(1, 31)), "number of folds")
+    pitch: float = length_field(0.008, "length of a fold along the bellows")
+    radius: float = length_field(0.006, "radius of the air in the valleys")
+    depth: float = length_field(0.0035, "how far the crests stand above the valleys")
+    wall: float = length_field(0.0015, "thickness of the wavy wall")
+    base: float = length_field(0.003, "thickness of the base layer, a region of its own")
+    rim: float = length_field(0.0, "how far the base stands out beyond the crests on each side", zero=True)
+    root: float = length_field(0.004, "solid between the clamp and the air")
+    cap: float = length_field(0.003, "solid between the air and the tip")
+    least_wall: float = length_field(0.0003, "thinnest wall, and thinnest air inside a fold", shape=False)
+    cell_size: float = length_field(0.003, "edge length of the cells; smaller ones in narrow folds", shape=False)
+    part: str = choice_field("half", ("half", "full"), "half up to the mirror plane, or the full bellows")
+    tip: str = choice_field("free", ("free", "held"), "tip free to move, or its face held along z (blocked force)")
+
+    stem: ClassVar = "bending-bellows"
+    faces: ClassVar = ("folds", "bottom", "tip", "outer")
+    stiffer: ClassVar = "a thicker wall (--wall), a smaller radius (--radius)"
+    examples: ClassVar = ("--folds 6 --depth 4mm", "--radius 8mm --wall 2mm --rim 2mm", "--part full")
+    mesh_order: ClassVar = 2
+
+    def check(self) -> None:
+        check_bellows(self)
+
+    @property
+    def expected_cells(self) -> float:
+        return plan.expected_cells(self)
+
+    @property
+    def copies(self) -> int:
+        return 2 if self.part == "half" else 1
+
+    @property
+    def fuller(self) -> str:
+        return "--part full"
+
+    @property
+    def size(self) -> float:
+        return self.radius
+
+    @property
+    def cut_planes(self) -> tuple[CutPlane, ...]:
+        return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.part == "half" else ()
+
+    @property
+    def mirrors(self) -> tuple[Mirror, ...]:
+        return (Mirror("plane0", 1, {}),) if self.part == "full" else ()
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        held = (Hold("tip", self.lift),) if self.tip == "held" else ()
+        return (Hold("support", None), *held)
+
+    @property
+    def length(self) -> float:
+        """From the clamp to the tip in m."""
+        return plan.length(self)
+
+    @property
+    def probes(self) -> dict[str, Vector]:
+        low, high = -0.5 * self.base, 0.5 * self.base + plan.crest(self)
+        return {"tip": (self.length, 0.0, low), "tip_above": (self.length, 0.0, high)}
+
+    @property
+    def blocked(self) -> str | None:
+        return "tip" if self.tip == "held" else None
+
+    @property
+    def pushed(self) -> str | None:
+        return "tip" if self.tip == "free" else None
+
+    @property
+    def cavity_volume(self) -> float:
+        return plan.cavity_volume(self)
+
+    @property
+    def solid_volume(self) -> float:
+        return plan.solid_volume(self)
+
+    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which points lie on the base's lower line in the mirror plane, from the clamp to the tip."""
+        points, near = np.asarray(points, dtype=float), 1e-9 * self.length
+        return (np.abs(points[:, 2] + 0.5 * self.base) < near) & (np.abs(points[:, 1]) < near)
+
+    def build_whole(self) -> None:
+        from geometries.bending_bellows_shape import build_whole_bellows
+
+        build_whole_bellows(self)
+
+    def build(self) -> None:
+        from geometries.bending_bellows_shape import build_bellows
+
+        build_bellows(self)
