@@ -94,14 +94,14 @@ class Body:
                 continue
             found = by_dimension[group.dim]
             entities[name] = (group.dim, found.find(group.tag))
-        if "cavity" not in entities:
+        names = ["cavity", *(f"cavity{i + 1}" for i in range(1, len(actuator.ratios)))][: len(actuator.ratios)]
+        if names and "cavity" not in entities:
             raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named 'cavity' to put a pressure on")
-        names = ["cavity", *(f"cavity{i + 1}" for i in range(1, len(actuator.ratios)))]
         if missing := [name for name in names if name not in entities]:
             raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r}")
         walls = [entities[name][1] for name in names]
         tags = np.repeat(_cavity_tags(len(names)), [len(wall) for wall in walls])
-        facets = np.concatenate(walls)
+        facets = np.concatenate([*walls, np.empty(0, dtype=np.int32)])  # a beam has no cavity
         order = np.argsort(facets)
         cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
         return cls(actuator, data.mesh, cavity, entities, _skew(actuator))
@@ -251,7 +251,7 @@ class Body:
 
 
 def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
-    return np.array([CAVITY, *range(SHEET + 1, SHEET + count)], dtype=np.int32)
+    return np.array([CAVITY, *range(SHEET + 1, SHEET + count)][:count], dtype=np.int32)
 
 
 def in_section(direction: npt.ArrayLike, dimension: int) -> npt.NDArray[np.float64]:

@@ -1,5 +1,8 @@
 """How the pressures and volumes of several cavities are coupled, so that one pair (P, V) is left to follow.
 
+Dead loads (`mechanics.dead_loads`) are drivers like cavities and come behind them: what is said here of a pressure and its
+volume is meant of a load's magnitude and what it works on, too.
+
 With cavity volumes V_i, the potential's load is
 
     P s.V + p0.V + m.(C V - d)
@@ -40,9 +43,12 @@ class Coupling:
     multiplier_cavities: tuple[int, ...] = ()
 
     @classmethod
-    def proportional(cls, ratios: Sequence[float]) -> Coupling:
-        """Every pressure a multiple of P."""
-        return cls(np.array(ratios, dtype=float), np.zeros(len(ratios)), np.zeros((0, len(ratios))), np.zeros(0))
+    def proportional(cls, ratios: Sequence[float], dead: Array | Sequence[float] = ()) -> Coupling:
+        """Every pressure a multiple of P, behind them dead loads that stay as they are."""
+        count = len(ratios) + len(dead)
+        shares, fixed = (np.zeros(count) for _ in range(2))
+        shares[: len(ratios)], fixed[len(ratios) :] = ratios, dead
+        return cls(shares, fixed, np.zeros((0, count)), np.zeros(0))
 
     @classmethod
     def by_pressure(cls, pressures: Array, changes: Array, held: Sequence[int], volumes: Array) -> Coupling:

@@ -105,7 +105,7 @@ class Newton:
         P = float(self._take_iterate(x)[0])
         loads = self.kept.set_columns()
         inner = system.internal_forces()
-        volumes = system.volumes() if control.needs_volume or len(coupling.constraints) else np.zeros(len(loads))
+        volumes = system.driven() if control.needs_volume or len(coupling.constraints) else np.zeros(len(loads))
         measured = float(coupling.shares @ volumes) if self._anchor is None else self._along()
         gap = control.weight * (control.value(measured, P) - control.target)
         self.bordered.control = control.line(measured, P)  # Newton's matrix at this iterate has the control's tangent

@@ -97,7 +97,7 @@ class Potential:
         self.terms = {part.label: part.term(setting) for part in parts if isinstance(part, EnergyPart)}
         self.energies += [energy for term in self.terms.values() for energy in term.energies]
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
-        self.forces = [*self.internal, -pressures]
+        self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
         # The stress of a sheet as it is foreseen from another state, in Newton's matrix alone; see `foresee`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
 
@@ -171,7 +171,8 @@ class Potential:
 
     def set_pressures(self, P: float, coupling: Coupling, pressures: npt.NDArray[np.float64]) -> None:
         """Take the pressure P, and those of the cavities that a coupling makes of it."""
-        self.P.value = P
+        # Of one cavity its own pressure: it may be kept while P is a dead load's.
+        self.P.value = P if self._cavity_loads or not self.volumes else pressures[0]
         for i, (share, rest) in enumerate(self._cavity_loads):
             share.value = coupling.shares[i]
             rest.value = pressures[i] - P * coupling.shares[i]

@@ -19,6 +19,7 @@ from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.coupling import Coupling
+from softmodels.mechanics.dead_loads import DeadLoads
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
@@ -69,7 +70,8 @@ class System:
         w: The current state's unknowns; P and ``pressures`` go with it.
         K: Matrix with the pattern of the tangent.
         n: Number of owned unknowns; ``dofs`` counts ghosts too.
-        coupling: How the cavities' pressures and volumes are coupled.
+        coupling: How the drivers are coupled: the cavities' pressures and volumes, then the dead loads and what they move.
+        dead: The dead loads.
 
     Raises:
         BodyError: A cavity whose wall encloses another volume than the device's.
@@ -102,7 +104,6 @@ class System:
         self.space, self.w, self.contact = self.potential.space, self.potential.w, self.potential.contact
         self.set_material(material)
         self.form = functools.partial(fem.form, jit_options=JIT)
-        self.coupling = Coupling.proportional(body.actuator.ratios)
         self._compile()
         zero = np.array(0.0)
         self.bcs = [fem.dirichletbc(zero, dofs, self.vectors.sub(i)) for i, dofs in body.held(self.vectors)]
@@ -113,7 +114,11 @@ class System:
         topology = body.mesh.topology
         self.cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
         self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
+        self.dead = DeadLoads(self, parts)
+        self._loads += self.dead.forms
+        self.coupling = Coupling.proportional(body.actuator.ratios, np.zeros(len(self.dead.forms)))
         self._set_pressures(0.0, np.empty(0))
+        self.dead.check()
         self._check_volume()
 
     def _compile(self) -> None:
@@ -139,7 +144,7 @@ class System:
     def _check_volume(self) -> None:
         """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
         found, known = self.rest().V * self.volume_unit, self.body.actuator.cavity_volume
-        if abs(found / known - 1) > VOLUME_TOLERANCE:
+        if self._volumes and abs(found / known - 1) > VOLUME_TOLERANCE:
             raise BodyError(
                 f"the cavity's wall encloses {found * 1e6:.4g} ml where {known * 1e6:.4g} ml were expected; planes that cut "
                 "the cavity open have to pass through the origin"
@@ -194,42 +199,42 @@ class System:
         self.load(state)
         return dataclasses.replace(state, V=self.volume())
 
-    def pressures_at(self, state: State) -> Array:
-        """Pressure of each cavity at a state, shape (k,)."""
+    def drives_at(self, state: State) -> Array:
+        """Pressure of each cavity and magnitude of each dead load at a state, shape (k,)."""
         return self.coupling.pressures(state.P, state.w[self.dofs :])
 
+    def pressures_at(self, state: State) -> Array:
+        """Pressure of each cavity at a state."""
+        return self.drives_at(state)[: len(self._volumes)]
+
     def volume(self) -> float:
-        """Volume that P works on, of the current state."""
-        return float(self.coupling.shares @ self.volumes())
+        """What P works on in the current state: a volume, or what a dead load moves."""
+        return float(self.coupling.shares @ self.driven())
+
+    def scales(self) -> Array:
+        """Scales of what the drivers work on, shape (k,): the cavities' volumes in the current state, and 1 of dead loads."""
+        return np.concatenate([self.volumes(), np.ones(len(self.dead.forms))])
+
+    @property
+    def drives_cavities(self) -> bool:
+        """Whether P is a pressure, and not a dead load's magnitude alone."""
+        return bool(self.coupling.shares[: len(self._volumes)].any())
+
+    def driven(self) -> Array:
+        """What each driver works on in the current state: the cavities' volumes, then what dead loads move, shape (k,)."""
+        return np.concatenate([self.volumes(), self.dead.moved()])
 
     def volumes(self) -> Array:
-        """Volume of each cavity in the current state, shape (k,)."""
+        """Volume of each cavity in the current state."""
         return np.array([self.integral(volume) for volume in self._volumes])
+
+    def forces_and_loads(self) -> list[tuple[fem.Form, float]]:
+        """The potential's derivative by w in the current state: compiled forms with their factors."""
+        return [*((form, 1.0) for form in self._internal), *zip(self._loads, -self.pressures, strict=True)]
 
     def stored_energy(self) -> float:
         """Energy stored in the body in the current state."""
         return sum(self.integral(form) for form in self._stored)
-
-    def force(self, role: str, component: int) -> float:
-        """Force of the current state on whatever holds a role along a component of w, of the slice, dimensionless.
-
-        It is what the potential would lose per displacement there: -d(stored - P V)/dw summed over the role's dofs.
-        """
-        from dolfinx import fem, la
-
-        dimension, found = self.body.entities[role]
-        dofs = fem.locate_dofs_topological(self.vectors.sub(component), dimension, found)
-        b = self._vector.x
-        total_force = 0.0
-        for form, factor in (
-            *((form, -1.0) for form in self._internal),
-            *zip(self._loads, self.pressures, strict=True),
-        ):
-            b.array[:] = 0.0
-            fem.assemble_vector(b.array, form)
-            b.scatter_reverse(la.InsertMode.add)
-            total_force += factor * float(b.array[dofs[dofs < self.n]].sum())
-        return total(self.comm, total_force)
 
     def contact_force(self) -> float:
         """Force of the current state on the obstacle, of the slice, dimensionless; 0 without one."""
@@ -248,8 +253,11 @@ class System:
 
         return total(self.comm, fem.assemble_scalar(form))
 
-    def assemble(self, forms: list[fem.Form]) -> Array:
-        """Sum of assembled linear forms, owned entries, zero at held dofs; a view that the next call overwrites."""
+    def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
+        """Sum of assembled linear forms, owned entries, zero at held dofs unless these are asked for.
+
+        It is a view that the next call overwrites.
+        """
         from dolfinx import fem, la
 
         b = self._vector.x
@@ -257,7 +265,7 @@ class System:
         for form in forms:
             fem.assemble_vector(b.array, form)
         b.scatter_reverse(la.InsertMode.add)
-        for bc in self.bcs:
+        for bc in [] if held else self.bcs:
             bc.set(b.array, alpha=0.0)
         return b.array[: self.n]
 
@@ -266,7 +274,7 @@ class System:
         return self.assemble(self._internal)
 
     def pressure_loads(self) -> Array:
-        """Each cavity's load of a unit pressure, shape (k, n)."""
+        """Each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
         return np.array([self.assemble([load]).copy() for load in self._loads])
 
     def assemble_tangent(self) -> None:

@@ -125,9 +125,14 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
         PathEnd: The branch could be followed no further.
     """
 
+    system = path.solver.system
+
     def ends(point: Point) -> bool:
-        value = path.value(point.state)
-        return value >= farthest or value <= 0.0 or not 0.05 < point.state.V / path.plane.V_scale < LARGEST_GROWTH
+        value, growth = path.value(point.state), point.state.V / path.plane.V_scale
+        least = (
+            0.05 if system.drives_cavities else -LARGEST_GROWTH
+        )  # what a dead load moves may be nothing, or backwards
+        return value >= farthest or value <= 0.0 or not least < growth < LARGEST_GROWTH
 
     branch = Branch(path, bifurcation, sign)
     try:

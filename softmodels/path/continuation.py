@@ -67,7 +67,7 @@ class Continuation:
         """The path's first point; sets the scales of the plane in which arc lengths are measured."""
         solver = self.solver
         rest = solver.system.rest()
-        V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.volumes())
+        V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
@@ -201,7 +201,7 @@ class Continuation:
     @property
     def by_volume(self) -> bool:
         """Whether volumes are requested, of which there is one beyond every limit point of the pressure."""
-        return self.requested is self._known[AddedVolume.name]
+        return isinstance(self.requested, AddedVolume)
 
     @property
     def may_follow_volume(self) -> bool:

@@ -106,7 +106,7 @@ class Corrector:
         """
         s, t = self.trail.last.state, self.trail.last.tangent
         along = self.plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
-        if self.solver.system.volumes().min() <= 0.0 or along <= 0.0:
+        if (self.solver.system.volumes() <= 0.0).any() or along <= 0.0:
             raise NoConvergence("it jumped to another branch")
 
     # -- between two points -------------------------------------------------------------------------------------------

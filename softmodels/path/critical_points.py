@@ -154,7 +154,7 @@ def _root(known: list[Known], scale: float) -> float:
     middle = (low.state.V + high.state.V) / 2
     used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:SAMPLES]
     through = BarycentricInterpolator([point.state.V for _, point in used], [value for value, _ in used])
-    return float(brentq(through, low.state.V, high.state.V, xtol=1e-13 * middle))
+    return float(brentq(through, low.state.V, high.state.V, xtol=1e-13 * abs(middle)))
 
 
 def _around(known: list[Known]) -> tuple[Known, Known]:

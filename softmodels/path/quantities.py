@@ -161,7 +161,7 @@ class AddedVolume(Quantity):
     name: ClassVar[str] = "volume"
 
     def from_volume(self, V0: float) -> AddedVolume:
-        return AddedVolume(V0)
+        return dataclasses.replace(self, V0=V0)
 
     def value(self, V: float, P: float) -> float:
         return V - self.V0
@@ -179,7 +179,20 @@ class AddedVolume(Quantity):
         return LARGEST_VOLUME_STEP * max(state.V, plane.V_scale)
 
 
-DIRECT: dict[str, Quantity] = {Pressure.name: Pressure(), AddedVolume.name: AddedVolume()}
+class DeadForce(Pressure):
+    """A dead load's magnitude, where P is that."""
+
+    name = "force"
+
+
+@dataclasses.dataclass(frozen=True)
+class Travel(AddedVolume):
+    """How far a dead load has moved what it acts on since the path's first state, where V is that."""
+
+    name: ClassVar[str] = "travel"
+
+
+DIRECT: dict[str, Quantity] = {one.name: one for one in (Pressure(), AddedVolume(), DeadForce(), Travel())}
 """What needs no supply, by name."""
 
 

@@ -1,13 +1,15 @@
-"""A load program: several cavities, each under pressures or added volumes of its own, step by step.
+"""A load program: cavities and dead loads, each with values of its own, step by step.
 
-Each cavity has a series of values, one for each step; from step to step all of them change together, in proportion. A step
-changes either pressures or volumes, and is followed by its own pair (P, V), see `softmodels.mechanics.coupling`.
+Each cavity, and each dead load that changes, has a series of values, one for each step; from step to step all of them change
+together, in proportion. A step changes either pressures, forces and the like, or volumes and travels, and is followed by its
+own pair (P, V), see `softmodels.mechanics.coupling`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -15,18 +17,36 @@ import numpy.typing as npt
 from measurement.units import UnitError, brief
 from measurement.units import numbers as as_numbers
 from measurement.wording import Spoken
-from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import State
-from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import Point
-from softmodels.path.quantities import AddedVolume, Pressure, Quantity
+from softmodels.path.stages import Stage, Stop, at_rest
 
-KEYS = {"pressure_cm": "cm", "volume_ml": "ml"}
-"""What can be given of a cavity, as in the case file, with its unit."""
+
+@dataclasses.dataclass(frozen=True)
+class Given:
+    """What a series gives.
+
+    Attributes:
+        unit: Of its values in case files and messages.
+        held: Whether it is what a driver works on, a volume or a travel, and not its magnitude.
+        scale: SI units in one of ``unit``.
+    """
+
+    unit: str
+    held: bool = False
+    scale: float = 1.0
+
+
+KEYS = {"pressure_cm": Given("cm"), "volume_ml": Given("ml", True, 1e-6)}
+"""What can be given of a cavity, as in the case file."""
+LOAD_KEYS = {
+    "gravity": {"share": Given("of the weight")},
+    "force": {"force_N": Given("N"), "travel_mm": Given("mm", True, 1e-3)},
+    "moment": {"moment_Nmm": Given("Nmm", scale=1e-3), "turn_deg": Given("deg", True, math.pi / 180)},
+}
+"""The same of a dead load, by its table."""
+EVERY_KEY = {key: given for keys in (KEYS, *LOAD_KEYS.values()) for key, given in keys.items()}
 MOST_STEPS = 1000
-POINTS_PER_STEP = 4
-"""At least this many points in each step of a program, for curves worth drawing."""
 
 
 class ProgramError(Spoken, ValueError):
@@ -35,23 +55,30 @@ class ProgramError(Spoken, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Series:
-    """What one cavity goes through.
+    """What one cavity, or one dead load, goes through.
 
     Attributes:
-        key: One of `KEYS`.
-        values: Pressures in cm of water, or added volumes in ml, one for each step.
+        key: One of `EVERY_KEY`.
+        values: Pressures in cm of water, added volumes in ml and so on, one for each step.
+        target: The dead load, such as ``"force.tip"``; empty for a cavity, whose place among these counts.
     """
 
     key: str
     values: tuple[float, ...]
+    target: str = ""
 
     @property
     def unit(self) -> str:
-        return KEYS[self.key]
+        return EVERY_KEY[self.key].unit
 
     @property
     def is_volume(self) -> bool:
-        return self.key == "volume_ml"
+        """Whether a volume or a travel is given, and not a pressure or a force."""
+        return EVERY_KEY[self.key].held
+
+    @property
+    def scale(self) -> float:
+        return EVERY_KEY[self.key].scale
 
 
 Program = tuple[Series, ...]
@@ -148,15 +175,6 @@ def step_text(program: Program, number: int) -> str:
     )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Stop:
-    """Where a program has come to the end of a step: its number, the state, and the cavities' pressures (dimensionless)."""
-
-    number: int
-    state: State
-    pressures: npt.NDArray[np.float64]
-
-
 def follow(
     solver: Solver,
     program: Program,
@@ -164,16 +182,18 @@ def follow(
     control: str,
     report: Callable[[str], None],
     begin: Stop | None = None,
+    hung: Stop | None = None,
 ) -> Iterator[tuple[float, Point]]:
     """Take a device through a program.
 
     Args:
         solver: The device, at rest; the coupling of its cavities is changed.
-        program: One series for each of its cavities.
+        program: One series for each of its cavities, or none for them, and series for dead loads.
         pascal_per_cm: Pa in one cm of the column.
         control: What each step follows, as in `Continuation`.
         report: Takes sentences on what is going on.
-        begin: The end of a step to go on from; the undeformed state if None.
+        begin: The end of a step to go on from; where it hangs if None.
+        hung: Where it hangs under the loads that the program does not change; the undeformed state if None.
 
     Yields:
         How far the program has come (1.5 is half way through the second step), and its point.
@@ -182,36 +202,53 @@ def follow(
         PathEnd: A step's values are not on the path that leads there.
     """
     eq = solver.system
-    state, rest = eq.rest(), eq.volumes()
-    values = np.array([series.values for series in program]).T * [
-        1e-6 / eq.volume_unit if series.is_volume else pascal_per_cm / eq.stress_unit for series in program
-    ]
-    held = [i for i, series in enumerate(program) if series.is_volume]
-    first, before = int(begins_at_rest(program)), np.zeros(len(program))
-    here = begin or Stop(0, state, eq.pressures_at(state))
+    hung = hung or at_rest(solver)
+    eq.load(eq.rest())
+    rest = eq.driven()
+    rest[len(eq.volumes()) :] = hung.driven[len(eq.volumes()) :]
+    values, held = in_drivers(solver, program, pascal_per_cm, hung.drives)
+    first, here = int(begins_at_rest(program)), begin or hung
+    # What is held counts from where the device hangs; what is given is a magnitude.
+    before = hung.drives.copy()
+    before[held] = 0.0
     for number, row in enumerate(values[first:], 1):
         if number <= here.number:
             before = row
             continue
-        coupling, requested, goal = _step(here.pressures, row - before, held, rest + before)
-        start = solver.couple(coupling, here.state, here.pressures)
-        path = Continuation(solver, requested, control, goal / POINTS_PER_STEP, start=start, report=report)
-        for place, point in enumerate(trace(path, [goal])):
+        stage = Stage.between(here, row - before, held, rest + before)
+        for place, (come, point) in enumerate(stage.follow(solver, control, report)):
             if place:
-                come = float(number) if point.requested else number - 1 + path.value(point.state) / goal
-                yield come, point
+                yield float(number) if point.requested else number - 1 + come, point
             elif number == 1 and begin is None:
                 yield 0.0, dataclasses.replace(point, requested=bool(first))
-        before, last = row, path.last.state
-        here = Stop(number, last, eq.pressures_at(last))
+            here = stage.stop(solver, point, number)
+        before = row
 
 
-def _step(
-    pressures: npt.NDArray[np.float64], change: npt.NDArray[np.float64], held: Sequence[int],
-    volumes: npt.NDArray[np.float64],
-) -> tuple[Coupling, Quantity, float]:  # fmt: skip
-    """The coupling of one step, what is requested in it, and how far it goes."""
-    by_volume = any(change[cavity] for cavity in held)
-    make = Coupling.by_volume if by_volume else Coupling.by_pressure
-    requested = AddedVolume() if by_volume else Pressure()
-    return make(pressures, change, held, volumes), requested, float(np.abs(change).max())
+def in_drivers(
+    solver: Solver, program: Program, pascal_per_cm: float, kept: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], list[int]]:
+    """The values of a program by step and driver, dimensionless, and the drivers whose volume or travel is given.
+
+    Args:
+        solver: The device.
+        program: The program.
+        pascal_per_cm: Pa in one cm of the column.
+        kept: Magnitudes of all drivers where the program begins, shape (k,): those it does not tell of stay so.
+    """
+    eq, cavities = solver.system, len(solver.system.body.actuator.ratios)
+    units = {
+        "pressure_cm": [pascal_per_cm / eq.stress_unit] * cavities,
+        "volume_ml": [1e-6 / eq.volume_unit] * cavities,
+    }
+    values, held, unnamed = np.tile(kept, (len(program[0].values), 1)), [], iter(range(cavities))
+    for series in program:
+        place = cavities + eq.dead.index(series.target) if series.target else next(unnamed)
+        if series.target:
+            unit = series.scale * (eq.dead.amounts[place - cavities] if series.key == "share" else 1.0)
+            unit /= (eq.dead.moved_units if series.is_volume else eq.dead.units)[place - cavities]
+        else:
+            unit = units[series.key][place]
+        values[:, place] = np.array(series.values) * unit
+        held += [place] if series.is_volume else []
+    return values, sorted(held)

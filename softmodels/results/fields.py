@@ -112,7 +112,7 @@ class Fields:
         for measure in MEASURES:
             device |= measure.compute(self.sampling, state)
         return Figures(
-            pressure=state.P * eq.stress_unit,
+            pressure=state.P * eq.stress_unit if eq.drives_cavities else float(pressures.max(initial=0.0)),
             added_volume=float(actuator.ratios @ added),
             cavity_pressures=tuple(pressures.tolist()),
             cavity_volumes=tuple(added.tolist()),

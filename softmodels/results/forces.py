@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from softmodels.mechanics.mpi import largest
+from softmodels.mechanics.reaction import held_force
 from softmodels.mechanics.system import State, System
 from softmodels.results.state_values import Sampling
 
@@ -42,7 +43,7 @@ def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
         return {}
     # Held along the lift, so one row of the skew basis is the lift.
     component = int(np.argmax(eq.body.skew @ np.asarray(eq.body.actuator.lift)))
-    return {"blocked_force_N": eq.force(role, component) * _force_unit(eq)}
+    return {"blocked_force_N": held_force(eq, role, component) * _force_unit(eq)}
 
 
 def contact_force(sampling: Sampling, state: State) -> dict[str, float]:
@@ -73,6 +74,12 @@ def part_figures(sampling: Sampling, state: State) -> dict[str, float]:
     return {name: value for term in eq.potential.terms.values() for name, value in term.figures(eq).items()}
 
 
+def dead_loads(sampling: Sampling, state: State) -> dict[str, float]:
+    """Weights, forces and moments on the device, and what they move."""
+    eq = sampling.system
+    return eq.dead.figures(eq.drives_at(state)[len(eq.body.actuator.ratios) :])
+
+
 def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
     """Stiffness in N/m of the whole device along the lift at a state, if it tells of one: a tangent, no difference.
 
@@ -89,6 +96,7 @@ def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
 
 MEASURES: list[Measure] = [
     Measure(part_figures, {}),  # their texts stand on the kinds of parts
+    Measure(dead_loads, {}),
     Measure(
         blocked_force,
         {"blocked_force_N": ("blocked force", "with which the whole device pushes along its lift on what holds its tip")},

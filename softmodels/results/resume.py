@@ -103,9 +103,12 @@ def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> S
     row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
     last = on_root(comm, lambda: len(results.stored) - 1)
     state, _ = stored_state(results, fields, comm, last, record["P"], record["V"])
-    unit = fields.system.stress_unit
-    pressures = np.array([row[name] * case.cm / unit for name in cavity_columns(row, "pressure", "cm")])
-    return Stop(round(row["load_step"]), state, pressures)
+    system = fields.system
+    pressures = [row[name] * case.cm / system.stress_unit for name in cavity_columns(row, "pressure", "cm")]
+    dead = [row[load.column] * load.column_unit for load in system.dead.loads] / system.dead.units
+    system.load(state)
+    drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
+    return Stop(round(row["load_step"]), state, drives, system.driven())
 
 
 def stopped_at(results: Results, key: str, value: float) -> bool:

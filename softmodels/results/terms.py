@@ -6,7 +6,7 @@ import dataclasses
 
 UNITS = {
     "N_per_m": "N/m", "Pa_per_mm2": "Pa/mm²", "per_m": "1/m", "cm": "cm", "mm": "mm", "ml": "ml", "Pa": "Pa", "kPa": "kPa",
-    "mJ": "mJ", "N": "N", "deg": "°",
+    "mJ": "mJ", "Nmm": "N mm", "N": "N", "deg": "°",
 }  # fmt: skip
 """How a column's name ends, the longer before the shorter, and the unit."""
 

@@ -1,0 +1,259 @@
+"""Dead loads of a device as drivers beside its cavities: a magnitude, and what it works on.
+
+A dead load keeps its direction and its place on the undeformed body, so that its work is f L(u), with L linear in the
+displacement. So (f, L) is a pair like a cavity's pressure and volume: `mechanics.coupling` follows, keeps or holds either of
+them, limit points and arc lengths included. The loads come behind the cavities, in the order of the device's parts.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.mechanics.mpi import total
+from softmodels.mechanics.parts import Equations, Part, PartError
+
+if TYPE_CHECKING:
+    import ufl
+    from dolfinx import fem
+    from ufl.core.expr import Expr
+
+
+Array = npt.NDArray[np.float64]
+
+
+LOADS_ENERGY = "loads_energy_mJ"
+"""Column with the potential energy of all dead loads."""
+
+
+class Loaded(Equations, Protocol):
+    """What dead loads ask of the equations beyond what other parts do."""
+
+    @property
+    def space(self) -> fem.FunctionSpace: ...
+    @property
+    def w(self) -> fem.Function: ...
+    @property
+    def mixed(self) -> bool: ...
+    @property
+    def n(self) -> int: ...
+    def assemble(self, forms: list[fem.Form]) -> Array: ...
+
+
+class LoadPart(Part):
+    """A dead load.
+
+    Attributes:
+        arm: Power of the device's size that makes its magnitude from shear moduli: 2 of a force in N, 3 of a moment in N m.
+            What it works on has the power 3 - ``arm``: m, or rad.
+        column_unit, moved_column_unit: SI units in one of its columns' units.
+    """
+
+    arm: ClassVar[int] = 2
+    column_unit: ClassVar[float] = 1.0
+    moved_column_unit: ClassVar[float] = 1e-3
+
+    @property
+    @abc.abstractmethod
+    def column(self) -> str:
+        """Column of ``path.csv`` with its magnitude, in units of ``column_unit``."""
+
+    @property
+    @abc.abstractmethod
+    def moved_column(self) -> str:
+        """Column with what it works on from the undeformed state, in units of ``moved_column_unit``."""
+
+    def _named(self, what: str, unit: str) -> str:
+        """A column's name with the load's own in it, if it has one."""
+        return f"{what}_{self.name}_{unit}" if self.name else f"{what}_{unit}"
+
+    @property
+    def key(self) -> str:
+        """What tells it from all other drivers: ``"gravity"``, ``"force.tip"``."""
+        return f"{self.table}.{self.name}" if self.name else self.table
+
+    @abc.abstractmethod
+    def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
+        """Its distribution over the body.
+
+        Args:
+            on: What it is spread over.
+            parts: All that is added to the device: what hangs on it has weight too.
+
+        Raises:
+            PartError: Not on this mesh.
+        """
+
+
+class HeavyPart(Part):
+    """A part with a mass of its own, which gravity pulls at."""
+
+    @abc.abstractmethod
+    def masses(self, on: Spread, along: Array, density: float) -> list[Weighed]:
+        """Its masses.
+
+        Args:
+            on: What they are spread over.
+            along: Unit vector of gravity in the directions of the mesh.
+            density: In kg/m3, which all of the solid counts with: a region that is denser adds the difference.
+
+        Returns:
+            Of each its mean displacement along gravity as a form (`Spread.mean`), and the mass in kg on the whole device.
+        """
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Weighed:
+    """A load's distribution.
+
+    Attributes:
+        form: UFL integral over the slice, linear in the test displacement: of a unit magnitude on the slice.
+        amount: Its magnitude, of the whole device, in SI units.
+    """
+
+    form: ufl.Form
+    amount: float
+
+
+class Spread:
+    """A body's test displacement, and means over the body and its faces; dimensionless.
+
+    Args:
+        system: The equations.
+    """
+
+    def __init__(self, system: Loaded):
+        import ufl
+
+        self.system, self.body = system, system.body
+        test = ufl.TestFunction(system.space)
+        self.test = self.body.displacement(ufl.split(test)[0] if system.mixed else test)
+
+    @property
+    def places(self) -> Expr:
+        import ufl
+
+        return ufl.SpatialCoordinate(self.body.mesh)
+
+    def constant(self, value: npt.ArrayLike | float) -> Expr:
+        from dolfinx import fem
+
+        return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
+
+    def measure(self, role: str = "") -> Expr:
+        """Of the undeformed facets of a role, or of the whole body; of all the circle in an axisymmetric section."""
+        return self.body.sheet_face(role)[0] if role else self.body.measures()[0]
+
+    def integral(self, density: Expr, role: str = "") -> float:
+        """Of a density over the undeformed facets of a role, or over the body."""
+        from dolfinx import fem
+
+        return self.system.integral(fem.form(density * self.body.hoop * self.measure(role)))
+
+    def mean(self, along: npt.ArrayLike, role: str = "") -> ufl.Form:
+        """Mean test displacement along a vector of the mesh over a face, or over the body."""
+        import ufl
+
+        size = self.integral(self.constant(1.0), role)
+        if not size > 0.0:
+            raise PartError(f"the face {role!r} has no facets on this mesh")
+        vector = self.constant(np.asarray(along, dtype=float) / size)
+        return ufl.dot(vector, self.test) * self.body.hoop * self.measure(role)
+
+
+class DeadLoads:
+    """The dead loads among a device's parts.
+
+    Args:
+        system: The equations.
+        parts: What is added to the device.
+
+    Attributes:
+        loads: The loads.
+        amounts: Their magnitudes where nothing else is asked for: of the whole device, SI units.
+        forms: Compiled, one for each: the load of a unit magnitude on the slice.
+
+    Raises:
+        PartError: A load that moves nothing, or not on this mesh.
+    """
+
+    def __init__(self, system: Loaded, parts: Sequence[Part]):
+        from dolfinx import fem
+
+        self.system = system
+        self.loads = [part for part in parts if isinstance(part, LoadPart)]
+        spread = [part.spread(Spread(system), parts) for part in self.loads] if self.loads else []
+        self.amounts = np.array([found.amount for found in spread], dtype=float)
+        self.forms = [system.form(found.form) for found in spread]
+        self._vector = fem.Function(system.space) if self.forms else system.w
+
+    def check(self) -> None:
+        """Refuse a load on what is held alone."""
+        for load, form in zip(self.loads, self.forms, strict=True):
+            found = self.system.assemble([form])
+            if not total(self.system.comm, float(found @ found)) > 0.0:
+                raise PartError(f"{load.where} pulls at what is held and moves nothing; take another face or direction")
+
+    def moved(self) -> Array:
+        """What each works on in the current state, shape (loads,); linear in w, held dofs that have moved included."""
+        from dolfinx import fem, la
+
+        system, found = self.system, []
+        w = system.w.x.array[: system.n]
+        for form in self.forms:
+            b = self._vector.x  # of its own: the system's may be in use
+            b.array[:] = 0.0
+            fem.assemble_vector(b.array, form)
+            b.scatter_reverse(la.InsertMode.add)
+            found.append(total(system.comm, float(b.array[: system.n] @ w)))
+        return np.array(found)
+
+    @property
+    def units(self) -> Array:
+        """Magnitude of the whole device in SI units of one dimensionless one, shape (loads,)."""
+        body = self.system.body
+        return np.array(
+            [self.system.stress_unit * body.actuator.size**load.arm * body.actuator.copies for load in self.loads]
+        )
+
+    @property
+    def moved_units(self) -> Array:
+        """Metres (or radians) of one dimensionless measure of what they work on, shape (loads,)."""
+        return np.array([self.system.body.actuator.size ** (3 - load.arm) for load in self.loads])
+
+    def figures(self, drives: Array) -> dict[str, float]:
+        """Columns of ``path.csv`` in the current state, of the whole device, on all ranks.
+
+        Args:
+            drives: Magnitudes of the loads, dimensionless, shape (loads,).
+        """
+        magnitudes, moved, found = drives * self.units, self.moved() * self.moved_units, dict[str, float]()
+        for load, magnitude, way in zip(self.loads, magnitudes, moved, strict=True):
+            found[load.column] = float(magnitude) / load.column_unit
+            found[load.moved_column] = float(way) / load.moved_column_unit
+        return {**found, LOADS_ENERGY: -float(magnitudes @ moved) * 1e3} if found else found
+
+    def index(self, key: str) -> int:
+        """Place of a load among these; KeyError for one that is not there."""
+        for i, load in enumerate(self.loads):
+            if load.key == key:
+                return i
+        raise KeyError(key)
+
+
+def mean_place(on: Spread, role: str) -> Array:
+    """Centre of a face of the slice, in mesh coordinates, dimensionless."""
+    size = on.integral(on.constant(1.0), role)
+    return np.array([on.integral(on.places[i], role) / size for i in range(on.body.mesh.geometry.dim)])
+
+
+def check_finite(value: float, where: str, what: str) -> None:
+    """Refuse an amount that is not above zero."""
+    if not (value > 0.0 and math.isfinite(value)):
+        raise PartError(f"{where}: {what} is {value:g}; it must be above zero, and its direction says which way")

@@ -1,0 +1,294 @@
+"""Gravity, masses that hang on a device, forces and moments on its faces: dead loads, see `softmodels.mechanics.dead_loads`."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from geometries.actuator import Vector
+from geometries.fields import field_of
+from geometries.kinds import Quantity, Words
+from softmodels.mechanics.body import BodyError, in_section
+from softmodels.mechanics.dead_loads import LOADS_ENERGY, HeavyPart, LoadPart, Spread, Weighed, check_finite, mean_place
+from softmodels.mechanics.parts import Part, PartError, register_part
+
+if TYPE_CHECKING:
+    import ufl
+
+STANDARD_GRAVITY = 9.81
+SILICONE_DENSITY = 1070.0
+"""kg/m3; makers' sheets have 1030 to 1130, see `softmodels.materials.casting`."""
+HEAVIEST = 25e3
+"""Density in kg/m3 above which a unit is mistaken: no metal is denser."""
+ALONG = 1e-9
+"""Cosine up to which a direction lies in a plane."""
+
+
+def direction(text: str, where: str) -> Vector:
+    """Unit vector of a text such as ``"-z"`` or ``"0.6, 0, -0.8"``, in device coordinates.
+
+    Raises:
+        PartError: It is none.
+    """
+    if found := re.fullmatch(r"\s*([+-]?)\s*([xyz])\s*", text):
+        sign, axis = (-1.0 if found[1] == "-" else 1.0), "xyz".index(found[2])
+        vector = sign * np.eye(3)[axis]
+    else:
+        try:
+            vector = np.array([float(part) for part in text.split(",")])
+        except ValueError:
+            vector = np.zeros(0)
+        length = float(np.linalg.norm(vector)) if len(vector) == 3 else 0.0
+        if not (0.0 < length < np.inf):
+            raise PartError(f"{where}: {text!r} is no direction; write one like -z, or three numbers like 0.6, 0, -0.8")
+        vector = vector / length
+    return float(vector[0]), float(vector[1]), float(vector[2])
+
+
+def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
+    """Refuse a direction that the device's model cannot follow.
+
+    Raises:
+        PartError: Across the axis of a section, or out of a cut plane.
+    """
+    if actuator.dimension == 2 and abs(vector[2]) < 1 - ALONG:
+        raise PartError(
+            f"{where}: an axisymmetric section takes loads along its axis, z or -z; for others use {actuator.fuller}"
+        )
+    for plane in actuator.cut_planes if actuator.dimension == 3 else ():
+        if abs(float(np.dot(vector, plane.normal))) > ALONG:
+            across = ", ".join(f"{x:g}" for x in plane.normal)
+            raise PartError(
+                f"{where}: its direction leaves the plane square to ({across}) on which the device is cut in two equal sides; "
+                f"take one in that plane, or use {actuator.fuller}"
+            )
+
+
+@register_part
+@dataclasses.dataclass(frozen=True)
+class Gravity(LoadPart):
+    """The device's own weight, and that of all that hangs on it.
+
+    Attributes:
+        direction: Where to, in device coordinates.
+        density: Of the silicone.
+        magnitude: Acceleration.
+    """
+
+    direction: str = field_of(Words(), "direction of gravity, such as -z or 0.6, 0, -0.8")
+    density: float = field_of(Quantity("kg/m^3"), "density of the silicone", SILICONE_DENSITY)
+    magnitude: float = field_of(Quantity("m/s^2"), "acceleration of gravity", STANDARD_GRAVITY)
+
+    table: ClassVar[str] = "gravity"
+    needs: ClassVar[str] = 'gravity needs its direction (direction = "-z", or --gravity -z)'
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "weight_N": ("weight", "of the whole device and of what hangs on it, as far as gravity is applied"),
+        "sag_mm": ("sag", "mean displacement of all that is heavy along gravity, from the undeformed state"),
+        LOADS_ENERGY: (
+            "energy of the loads",
+            "potential energy of weights and forces as they are now: less by their work on the way from the undeformed state",
+        ),
+    }
+    column: ClassVar[str] = "weight_N"  # type: ignore[assignment]
+    moved_column: ClassVar[str] = "sag_mm"  # type: ignore[assignment]
+
+    def check(self) -> None:
+        direction(self.direction, self.where)
+        check_finite(self.magnitude, self.where, "magnitude")
+        if not 0.0 <= self.density <= HEAVIEST:
+            raise PartError(
+                f"{self.where}: a density of {self.density:g} kg/m^3 is no solid's; silicones have 1030 to 1130"
+            )
+
+    @property
+    def vector(self) -> Vector:
+        return direction(self.direction, self.where)
+
+    def check_on(self, actuator: Actuator) -> None:
+        check_direction(self.vector, actuator, self.where)
+
+    def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
+        body = on.body
+        solid = on.integral(on.constant(1.0)) * body.actuator.size**3 * body.actuator.copies
+        along = in_section(self.vector, body.actuator.dimension)
+        masses = [Weighed(on.mean(along), self.density * solid)] if self.density else []
+        masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along, self.density)]
+        whole = sum(one.amount for one in masses)
+        if not whole > 0.0:
+            raise PartError(f"{self.where}: nothing has a mass; give the silicone's density, or hang a mass on a face")
+        form: ufl.Form = on.constant(masses[0].amount / whole) * masses[0].form
+        for one in masses[1:]:
+            form += on.constant(one.amount / whole) * one.form
+        return Weighed(form, whole * self.magnitude)
+
+
+@register_part
+@dataclasses.dataclass(frozen=True)
+class Mass(HeavyPart):
+    """A mass that hangs on a face, its weight spread evenly over the undeformed face.
+
+    Attributes:
+        face: Role of the facets.
+        mass: Of all that hangs on the whole device.
+    """
+
+    face: str = field_of(Words(), "face that the mass hangs on, such as tip")
+    mass: float = field_of(Quantity("kg"), "mass that hangs on the face, of the whole device")
+
+    table: ClassVar[str] = "mass"
+    needs: ClassVar[str] = 'a mass needs the face that it hangs on and its size (face = "tip", mass = "20 g")'
+
+    def check(self) -> None:
+        check_finite(self.mass, self.where, "mass")
+
+    def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
+        with _on_face(self):
+            return [Weighed(on.mean(along, self.face), self.mass)]
+
+
+@register_part
+@dataclasses.dataclass(frozen=True)
+class Force(LoadPart):
+    """A force of fixed direction, spread evenly over an undeformed face.
+
+    Attributes:
+        face: Role of the facets.
+        direction: In device coordinates.
+        newtons: Its size on the whole device; 0 where a request or a program says it.
+    """
+
+    face: str = field_of(Words(), "face that the force pulls at, such as tip")
+    direction: str = field_of(Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
+    newtons: float = field_of(Quantity("N"), "force on the whole device; 0 where it is requested", 0.0)
+
+    table: ClassVar[str] = "force"
+    needs: ClassVar[str] = 'a force needs its face and its direction (face = "tip", direction = "-z")'
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "force_N": ("force", "on the whole device, spread over its undeformed face"),
+        r"force_(\w+)_N": ("force {0}", "on the whole device, spread over its undeformed face"),
+        "moved_mm": (
+            "displacement along the force", "mean of the loaded face along the force, from the undeformed state",
+        ),
+        r"moved_(\w+)_mm": (
+            "displacement along force {0}", "mean of the loaded face along the force, from the undeformed state",
+        ),
+    }  # fmt: skip
+
+    @property
+    def column(self) -> str:
+        return self._named("force", "N")
+
+    @property
+    def moved_column(self) -> str:
+        return self._named("moved", "mm")
+
+    def check(self) -> None:
+        direction(self.direction, self.where)
+        if self.newtons:
+            check_finite(self.newtons, self.where, "newtons")
+
+    @property
+    def vector(self) -> Vector:
+        return direction(self.direction, self.where)
+
+    def check_on(self, actuator: Actuator) -> None:
+        check_direction(self.vector, actuator, self.where)
+
+    def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
+        with _on_face(self):
+            return Weighed(on.mean(in_section(self.vector, on.body.actuator.dimension), self.face), self.newtons)
+
+
+@register_part
+@dataclasses.dataclass(frozen=True)
+class Moment(LoadPart):
+    """A moment of dead forces on a face: they rise linearly with the distance from its centre and have no resultant.
+
+    On the undeformed face the force per area at X is M n x (X - c) / I, with c the centre and I the integral of
+    |n x (X - c)|^2. The forces keep their directions and sizes, which is what makes them conservative: on a face that has
+    turned by an angle t about n, what is left of the moment is M cos t. They work on the rotation to first order.
+
+    Attributes:
+        face: Role of the facets.
+        axis: Direction of the axis through the face's centre, in device coordinates; right-handed.
+        newton_metres: Its size on the whole device; 0 where a request or a program says it.
+    """
+
+    face: str = field_of(Words(), "face that the moment turns, such as tip")
+    axis: str = field_of(Words(), "axis of the moment through the face's centre, such as y, right-handed")
+    newton_metres: float = field_of(Quantity("N*m"), "moment on the whole device; 0 where it is requested", 0.0)
+
+    table: ClassVar[str] = "moment"
+    arm: ClassVar[int] = 3
+    needs: ClassVar[str] = 'a moment needs its face and its axis (face = "tip", axis = "y")'
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "moment_Nmm": ("moment", "of dead forces on the whole device that rise linearly over its undeformed face"),
+        r"moment_(\w+)_Nmm": (
+            "moment {0}", "of dead forces on the whole device that rise linearly over its undeformed face",
+        ),
+        "turned_deg": (
+            "rotation by the moment", "mean of the face's displacements about the axis, weighted by their distance",
+        ),
+        r"turned_(\w+)_deg": (
+            "rotation by moment {0}", "mean of the face's displacements about the axis, weighted by their distance",
+        ),
+    }  # fmt: skip
+    column_unit: ClassVar[float] = 1e-3
+    moved_column_unit: ClassVar[float] = math.pi / 180
+
+    @property
+    def column(self) -> str:
+        return self._named("moment", "Nmm")
+
+    @property
+    def moved_column(self) -> str:
+        return self._named("turned", "deg")
+
+    def check(self) -> None:
+        direction(self.axis, self.where)
+        if self.newton_metres:
+            check_finite(self.newton_metres, self.where, "newton_metres")
+
+    @property
+    def vector(self) -> Vector:
+        return direction(self.axis, self.where)
+
+    def check_on(self, actuator: Actuator) -> None:
+        if actuator.dimension == 2:
+            raise PartError(f"{self.where}: an axisymmetric section takes no moment; use {actuator.fuller}")
+        for plane in actuator.cut_planes:
+            if 1 - abs(float(np.dot(self.vector, plane.normal))) > ALONG:
+                across = ", ".join(f"{x:g}" for x in plane.normal)
+                raise PartError(
+                    f"{self.where}: its forces are not alike on both sides of the plane square to ({across}) on which the "
+                    f"device is cut in two; take the axis square to that plane, or use {actuator.fuller}"
+                )
+
+    def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
+        import ufl
+
+        with _on_face(self):
+            axis = np.asarray(self.vector)
+            centre = mean_place(on, self.face)
+            # Beyond a cut plane lies the mirror image: the whole face's centre lies in the plane, square to the axis.
+            arm = ufl.cross(on.constant(axis), on.places - on.constant(centre))
+            size = on.integral(ufl.dot(arm, arm), self.face)
+            form = ufl.dot(on.constant(1 / size) * arm, on.test) * on.body.hoop * on.measure(self.face)
+            return Weighed(form, self.newton_metres)
+
+
+@contextlib.contextmanager
+def _on_face(part: Part) -> Iterator[None]:
+    """Name the part where the mesh lacks its face."""
+    try:
+        yield
+    except BodyError as error:
+        raise PartError(f"{part.where}: {error}") from None

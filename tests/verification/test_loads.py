@@ -1,0 +1,308 @@
+"""Dead loads as drivers beside the cavities: a rod under its own weight and a force, against closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq, minimize_scalar
+
+from geometries import Actuator, Hold, HollowDisk
+from geometries.fields import length_field, number_field
+from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.mechanics.loads import Force, Gravity, Mass
+from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.points import PathEnd
+from softmodels.path.quantities import DIRECT
+from softmodels.path.schedule import Series, follow
+from softmodels.path.stages import HangingEnd, hang, inflate_from, load_from
+
+MU, DENSITY, ACCELERATION = 20e3, 1000.0, 1000.0
+"""Of the hanging rod: so heavy that it stretches to more than its length at the top."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rod(Actuator):
+    """A rod that hangs from a plate on which it slips, with no cavity: an axisymmetric section."""
+
+    radius: float = length_field(0.002, "radius")
+    length: float = length_field(0.040, "length")
+    along: float = number_field(24.0, "cells along it")
+
+    dimension = 2
+    copies = 1
+    mesh_order = 2
+    ratios = ()
+    cavity_volume = 0.0
+    cut_planes = ()
+    holds = (Hold("support", (0.0, 0.0, 1.0)), Hold("axis", (1.0, 0.0, 0.0)))
+    faces = ("tip",)
+
+    def check(self):
+        pass
+
+    @property
+    def size(self):
+        return self.radius
+
+    @property
+    def area(self):
+        return math.pi * self.radius**2
+
+    @property
+    def solid_volume(self):
+        return self.area * self.length
+
+    @property
+    def probes(self):
+        return {"end": (0.0, 0.0, -self.length)}
+
+    def on_profile(self, points):
+        return np.zeros(len(points), dtype=bool)
+
+    def build(self):
+        import gmsh
+
+        occ, mesh = gmsh.model.occ, gmsh.model.mesh
+        face = occ.addRectangle(0, -self.length, 0, self.radius, self.length)
+        occ.synchronize()
+        bottom, outside, top, axis = (tag for _, tag in gmsh.model.getBoundary([(2, face)], oriented=False))
+        for curve, cells in ((bottom, 1), (top, 1), (outside, self.along), (axis, self.along)):
+            mesh.setTransfiniteCurve(curve, round(cells) + 1)
+        mesh.setTransfiniteSurface(face)
+        gmsh.model.addPhysicalGroup(2, [face], name="solid")
+        for curve, name in ((bottom, "tip"), (outside, "outer"), (top, "support"), (axis, "axis")):
+            gmsh.model.addPhysicalGroup(1, [curve], name=name)
+
+
+ROD, BLOCK = Rod(), Rod(length=0.004, along=1.0)
+GRAVITY = Gravity(direction="-z", density=DENSITY, magnitude=ACCELERATION)
+PULL = Force(face="tip", direction="0, 0, -2", name="tip")
+
+
+def stretch(stress, law_mu=MU):
+    """Of an incompressible neo-Hookean fibre under a nominal stress."""
+    return brentq(lambda x: law_mu * (x - x**-2) - stress, 0.1, 100.0)
+
+
+def tip_of(force, weight_share=1.0):
+    """Displacement of the rod's end: every section bears what hangs below it."""
+    below = DENSITY * ACCELERATION * weight_share
+    return quad(lambda s: stretch(below * s + force / ROD.area) - 1, 0.0, ROD.length)[0]
+
+
+def sag_of():
+    """Mean displacement of the rod's material under its own weight: each slice moves what lies above it has stretched."""
+    pulled = DENSITY * ACCELERATION
+    return quad(lambda s: (stretch(pulled * s) - 1) * s, 0.0, ROD.length)[0] / ROD.length
+
+
+def solver_of(body_of, device, law, *parts):
+    return Solver(System(body_of(device), law, parts=parts))
+
+
+def magnitudes(solver, **given):
+    """All drivers' dimensionless magnitudes: of the dead loads in SI units by their names, the others 0."""
+    dead = solver.system.dead
+    values = [given.get(load.key.rpartition(".")[2], 0.0) for load in dead.loads]
+    return np.concatenate([np.zeros(len(solver.system.volumes())), np.array(values) / dead.units])
+
+
+def moved(solver, state):
+    """What the dead loads have moved at a state, in SI units."""
+    solver.system.load(state)
+    return solver.system.dead.moved() * solver.system.dead.moved_units
+
+
+@pytest.fixture(scope="module")
+def hanging(body_of):
+    """A rod under its own weight, and then pulled as hard again."""
+    solver = solver_of(body_of, ROD, NeoHookean(MU, 0.5), GRAVITY, PULL)
+    weight = float(solver.system.dead.amounts[0])
+    hung = hang(solver, [("its weight", magnitudes(solver, gravity=weight))], lambda text: None)
+    goal = weight / solver.system.dead.units[1]
+    path = Continuation(solver, DIRECT["force"], largest_step=goal / 12, start=load_from(solver, hung, 1))
+    points = list(trace(path, [goal / 2, goal]))
+    return solver, weight, hung, points
+
+
+def test_a_hanging_rod(hanging, figure):
+    solver, weight, hung, _ = hanging
+    sag, tip = hung.driven * solver.system.dead.moved_units
+    assert weight == pytest.approx(DENSITY * ACCELERATION * ROD.solid_volume, rel=1e-12)
+    against = "a rod under its own weight, stretched to twice its length at the top"
+    figure(against, "displacement of its end", tip / tip_of(0.0) - 1, 1.5e-4)
+    figure(against, "its sag", sag / sag_of() - 1, 1.5e-4)
+    assert tip > 0.3 * ROD.length and stretch(DENSITY * ACCELERATION * ROD.length) > 1.5
+
+
+def test_a_force_from_the_hanging_state(hanging, figure):
+    solver, weight, hung, points = hanging
+    asked = [point for point in points if point.requested]
+    forces = np.array([point.state.P for point in asked]) * solver.system.dead.units[1]
+    assert forces == pytest.approx([weight / 2, weight])
+    tips = np.array([moved(solver, point.state)[1] for point in asked])
+    figure("the same rod, pulled besides", "displacement of its end", tips / [tip_of(f) for f in forces] - 1, 1e-4)
+    assert np.allclose(points[0].state.w, hung.state.w) and all(point.stable_under_pressure for point in points)
+
+
+def test_energies_balance(hanging, figure):
+    """What is stored on the way is the force's work and what the weight gives up: cubics through states and slopes."""
+    solver, weight, _, points = hanging
+    system = solver.system
+    unit = system.stress_unit * system.volume_unit
+    stored, sags, places = [], [], []
+    for point in (points[0], points[-1]):
+        system.load(point.state)
+        stored.append(system.stored_energy() * unit)
+        sags.append(moved(solver, point.state)[0])
+    places = np.array([point.state.V for point in points])
+    force, slope = (
+        np.array(found) for found in zip(*((p.state.P, p.tangent.P / p.tangent.V) for p in points), strict=True)
+    )
+    step = np.diff(places)
+    work = np.sum(step * (force[:-1] + force[1:]) / 2 + step**2 * (slope[:-1] - slope[1:]) / 12) * unit
+    given = work + weight * (sags[1] - sags[0])
+    figure(
+        "energy stored by a force on a hanging rod",
+        "work of force and weight",
+        given / (stored[1] - stored[0]) - 1,
+        1e-5,
+    )
+
+
+def test_any_steps_lead_to_the_same(hanging, body_of, figure):
+    """Weight and force together in one step, in another order, and by the end's travel."""
+    solver, weight, hung, points = hanging
+    wanted = moved(solver, points[-1].state)
+    both = hang(solver, [("both", magnitudes(solver, gravity=weight, tip=weight))], lambda text: None)
+    turned = hang(
+        solver,
+        [("the pull", magnitudes(solver, tip=weight)), ("all", magnitudes(solver, gravity=weight, tip=weight))],
+        lambda text: None,
+    )
+    travel = wanted[1] - moved(solver, hung.state)[1]
+    series = (Series("travel_mm", (travel * 1e3,), "force.tip"),)
+    *_, (_, last) = follow(solver, series, 98.0, "auto", lambda text: None, hung=hung)
+    ways = [stop.driven * solver.system.dead.moved_units for stop in (both, turned)] + [moved(solver, last.state)]
+    figure("the same loads in other steps", "what they move", np.array(ways) / wanted - 1, 1e-9)
+    assert solver.system.drives_at(last.state)[1] * solver.system.dead.units[1] == pytest.approx(weight, rel=1e-9)
+
+
+def test_a_pulled_block(body_of, figure):
+    solver = solver_of(body_of, BLOCK, NeoHookean(MU, 0.5), PULL)
+    path = Continuation(solver, DIRECT["travel"], start=load_from(solver, hang(solver, [], print), 0))
+    unit = solver.system.length_unit
+    *_, last = trace(path, [0.001 / unit, BLOCK.length / unit])
+    wanted = MU * (2.0 - 2.0**-2) * BLOCK.area
+    figure("a block pulled to twice its length", "force", last.state.P * solver.system.dead.units[0] / wanted - 1, 1e-9)
+
+
+SOFTENING = Yeoh(10e3, -1100.0, 60.0, 0.5)
+
+
+def nominal(law, x):
+    """Uniaxial nominal stress of an incompressible solid at a stretch."""
+    i = x**2 + 2 / x - 3
+    return 2 * (x - x**-2) * (law.c1 + 2 * law.c2 * i + 3 * law.c3 * i**2)
+
+
+def test_a_force_past_its_limit_point(body_of, figure):
+    """A law that softens and stiffens again: the force ends there, and a travel passes it."""
+    solver = solver_of(body_of, BLOCK, SOFTENING, PULL)
+    most = minimize_scalar(
+        lambda x: -nominal(SOFTENING, x), bounds=(1.2, 3.0), method="bounded", options={"xatol": 1e-10}
+    )
+    top = nominal(SOFTENING, most.x) * BLOCK.area
+    unit = solver.system.dead.units[0]
+
+    def path(quantity):
+        return Continuation(solver, DIRECT[quantity], start=load_from(solver, hang(solver, [], print), 0))
+
+    with pytest.raises(PathEnd) as end:
+        list(trace(path("force"), [1.2 * top / unit]))
+    assert end.value.limit is not None
+    figure(
+        "the largest nominal stress of the law", "force at its limit", end.value.limit.state.P * unit / top - 1, 1e-9
+    )
+    points = list(trace(path("travel"), [(1.4 * most.x - 1) * BLOCK.length / solver.system.length_unit]))
+    assert [point.limit for point in points].count(True) == 1
+    held = nominal(SOFTENING, 1.4 * most.x) * BLOCK.area
+    figure("the largest nominal stress of the law", "force past it", points[-1].state.P * unit / held - 1, 1e-9)
+    assert not points[-1].stable_under_pressure
+    with pytest.raises(HangingEnd, match="limit point") as end:
+        hang(solver, [("the pull", magnitudes(solver, tip=1.2 * top))], lambda text: None)
+    assert 0.5 < end.value.share < 0.9
+
+
+DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
+
+
+def test_a_weight_on_a_disk(body_of, figure):
+    """Loads and pressure in any order; with the loads kept, a path of the pressure starts where the disk hangs."""
+    parts = (Gravity(direction="-z"), Mass(face="top", mass=0.05, name="plate"))
+    solver = solver_of(body_of, DISK, NeoHookean(30e3, 0.49), *parts)
+    system = solver.system
+    amount = float(system.dead.amounts[0])
+    assert amount == pytest.approx(9.81 * (0.05 + 1070 * DISK.solid_volume), rel=1e-4)
+    weight = magnitudes(solver, gravity=amount)
+    hung = hang(solver, [("its weight", weight)], lambda text: None)
+    assert hung.driven[1] > 0 and hung.driven[0] < system.scales()[0] * (1 + hung.driven[1])
+    *_, last = trace(Continuation(solver, start=inflate_from(solver, hung)), [0.1])
+    pressure = np.array([0.1, 0.0])
+    other = hang(solver, [("a pressure", pressure), ("the weight", pressure + weight)], lambda text: None)
+    together = hang(solver, [("all", pressure + weight)], lambda text: None)
+    system.load(last.state)
+    wanted = system.driven()
+    figure(
+        "weight first, then pressure", "volume and sag", np.array([other.driven, together.driven]) / wanted - 1, 1e-8
+    )
+
+
+def test_nothing_changes_without_loads(body_of):
+    """The same numbers to the last digit: of a load that is there and does not act, too, but for rounding."""
+    plain, loaded = (solver_of(body_of, DISK, NeoHookean(30e3, 0.49), *parts) for parts in ((), (PULL_TOP,)))
+    found = [list(trace(Continuation(solver), [0.2])) for solver in (plain, loaded)]
+    assert [point.state.V for point in found[0]] == pytest.approx([point.state.V for point in found[1]], rel=1e-12)
+
+
+PULL_TOP = Force(face="top", direction="z", name="top")
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Gravity(direction="down"), "'down' is no direction; write one like -z"),
+        (lambda: Gravity(direction="0, 0, 0"), "is no direction"),
+        (lambda: Gravity(direction="-z", density=-1.0), "density of -1 kg/m"),
+        (lambda: Gravity(direction="-z", magnitude=0.0), r"\[gravity\]: magnitude is 0; it must be above zero"),
+        (lambda: Gravity(direction="-x").check_on(DISK), "takes loads along its axis"),
+        (
+            lambda: Force(face="top", direction="y", name="up").check_on(HollowDisk()),
+            r"\[force.up\]: its direction leaves",
+        ),
+        (lambda: Mass(face="top", mass=0.0, name="m"), "mass is 0; it must be above zero"),
+    ],
+)
+def test_loads_that_cannot_be_meant(make, message):
+    with pytest.raises(PartError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (Force(face="lid", direction="z", name="up"), r"\[force.up\]: the mesh has no face named 'lid'; it has"),
+        (Force(face="support", direction="z", name="up"), r"\[force.up\] pulls at what is held and moves nothing"),
+        (Gravity(direction="z", density=0.0), "nothing has a mass"),
+    ],
+)
+def test_loads_that_are_not_on_the_mesh(body_of, part, message):
+    with pytest.raises(PartError, match=message):
+        System(body_of(ROD), NeoHookean(MU, 0.5), parts=(part,))
