@@ -22,6 +22,7 @@ with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullconte
     from geometries.disk import HollowDisk
     from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
     from geometries.imported import ImportedActuator
+    from geometries.imported_mesh import ImportedMesh
     from geometries.pneunet import PneuNet
     from geometries.registry import ACTUATORS, register
     from geometries.seminar import SeminarActuator
@@ -35,6 +36,7 @@ __all__ = [
     "Hold",
     "HollowDisk",
     "ImportedActuator",
+    "ImportedMesh",
     "MeshFileError",
     "MeshingError",
     "MeshingStopped",

@@ -88,6 +88,9 @@ class Actuator(Designable, Castable, ABC):
     stiffer: ClassVar[str] = "thicker walls"
     """What bears more pressure before it balloons, with the options; a clause for messages."""
 
+    meshed: ClassVar[bool] = False
+    """Whether `build` leaves a mesh, which is taken as it is."""
+
     examples: ClassVar[tuple[str, ...]] = ()
     """Options worth showing in a command's help."""
 

@@ -16,19 +16,12 @@ import numpy as np
 
 from geometries.actuator import Vector
 from geometries.errors import GeometryError
+from geometries.imported_part import BONDED, cavity_role
 from geometries.selections import AXES, chosen, faces, point, surface_points
 from geometries.symmetry import check_slice
 
 if TYPE_CHECKING:
     from geometries.imported import ImportedActuator
-
-BONDED = "bonded"
-"""Role of the faces that a sheet can be bonded to."""
-
-
-def cavity_role(number: int) -> str:
-    """Role of a cavity's walls, counted from 0."""
-    return "cavity" if number == 0 else f"cavity{number + 1}"
 
 
 def extent() -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,8 @@ from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
 from geometries.fields import shown
 from geometries.imported_cells import MOST_TRIANGLES, expected_triangles
-from geometries.imported_roles import cavity_role, extent, find_roles, outward
+from geometries.imported_part import Reading, cavity_role
+from geometries.imported_roles import extent, find_roles, outward
 from geometries.selections import point
 
 if TYPE_CHECKING:
@@ -21,23 +21,6 @@ if TYPE_CHECKING:
 
 FINE = 40
 """Cells around a circle in the mesh of walls that the cavities' volumes are measured on."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Reading:
-    """What a file holds, in m and m3, of the part as drawn.
-
-    Attributes:
-        normals: Outward unit normals of the cut planes.
-        gauge: The corner whose motion is told.
-        solid_volume: Of the solid.
-        cavity_volumes: Of each cavity.
-    """
-
-    normals: tuple[Vector, ...]
-    gauge: Vector
-    solid_volume: float
-    cavity_volumes: tuple[float, ...]
 
 
 @functools.lru_cache(maxsize=32)

@@ -148,7 +148,10 @@ def _make(actuator: Actuator, path: Path) -> None:
     with private_model():
         try:
             actuator.build()
-            _generate(actuator)
+            if not actuator.meshed:
+                _generate(actuator)
+            elif _worst(actuator.dimension) <= 0.0:
+                raise MeshingError("the mesh has a cell turned inside out; mesh the part anew where it comes from")
             for mirror in actuator.mirrors:
                 mirror_mesh(mirror)
             gmsh.write(str(path))

@@ -159,7 +159,7 @@ def chosen(field: str, choice: Faces, tags: list[int], near: float, file: str) -
     if choice.name is not None:
         known = face_names(file)
         if choice.name not in known:
-            raise GeometryError(f"{field} is {choice.text!r}; {_listed('name', sorted(known))}")
+            raise GeometryError(f"{field} is {choice.text!r}; {listed('name', sorted(known))}")
         return _at(named_surfaces(file, choice.name), tags)
     if choice.colour is not None:
         colours = surface_colours(file)
@@ -167,7 +167,7 @@ def chosen(field: str, choice: Faces, tags: list[int], near: float, file: str) -
         places = [i for i, one in enumerate(colours) if one and np.abs(wanted - one).max() <= SAME_COLOUR]
         if not places:
             seen = sorted({"#{:02x}{:02x}{:02x}".format(*one) for one in colours if one})
-            raise GeometryError(f"{field} is {choice.text!r}; {_listed('colour', seen)}")
+            raise GeometryError(f"{field} is {choice.text!r}; {listed('colour', seen)}")
         return _at(places, tags)
     if choice.box is not None:
         return [tag for tag in tags if _in_box(tag, choice.box, near)]
@@ -175,7 +175,8 @@ def chosen(field: str, choice: Faces, tags: list[int], near: float, file: str) -
     return [tag for tag in tags if _in_plane(tag, np.array(choice.normal), choice.at, near)]
 
 
-def _listed(what: str, known: list[str]) -> str:
+def listed(what: str, known: list[str]) -> str:
+    """What names or colours there are, for a message."""
     if not known:
         return f"no face in the file has a {what}"
     more = f" and {len(known) - 20} more" if len(known) > 20 else ""

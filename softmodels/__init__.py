@@ -25,6 +25,7 @@ _PLACES = {
         "HollowDisk",
         "SeminarActuator",
         "ImportedActuator",
+        "ImportedMesh",
         "GeometryError",
         "MeshFileError",
         "MeshingError",
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     from geometries import GeometryError as GeometryError
     from geometries import HollowDisk as HollowDisk
     from geometries import ImportedActuator as ImportedActuator
+    from geometries import ImportedMesh as ImportedMesh
     from geometries import MeshFileError as MeshFileError
     from geometries import MeshingError as MeshingError
     from geometries import SeminarActuator as SeminarActuator
