@@ -19,6 +19,7 @@ from measurement.ending import stoppable
 with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullcontext():
     from geometries.actuator import Actuator, CutPlane, Hold
     from geometries.bending_bellows import BendingBellows
+    from geometries.cylinder import Cylinder
     from geometries.disk import HollowDisk
     from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
     from geometries.imported import ImportedActuator
@@ -32,6 +33,7 @@ __all__ = [
     "Actuator",
     "BendingBellows",
     "CutPlane",
+    "Cylinder",
     "GeometryError",
     "Hold",
     "HollowDisk",

@@ -22,6 +22,7 @@ _PLACES = {
     "measurement.folder_lock": ("InUseError",),
     "measurement.own_folder": ("OwnFolderError",),
     "geometries": (
+        "Cylinder",
         "HollowDisk",
         "SeminarActuator",
         "ImportedActuator",
@@ -62,6 +63,7 @@ _NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
 __all__ = ["__version__", *_NAMES]
 
 if TYPE_CHECKING:
+    from geometries import Cylinder as Cylinder
     from geometries import GeometryError as GeometryError
     from geometries import HollowDisk as HollowDisk
     from geometries import ImportedActuator as ImportedActuator
