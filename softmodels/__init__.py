@@ -35,7 +35,10 @@ _PLACES = {
     "softmodels.materials.silicones": ("silicone",),
     "softmodels.mechanics.contact": ("Obstacle", "ObstacleError"),
     "softmodels.mechanics.mpi": ("StartError",),
+    "softmodels.mechanics.parts": ("PartError",),
+    "softmodels.mechanics.rigid_shapes": ("RigidShape",),
     "softmodels.mechanics.sheet": ("Sheet",),
+    "softmodels.mechanics.walls.part": ("Walls",),
     "softmodels.path.air_supply": ("SupplyError",),
     "softmodels.path.syringe": ("Syringe",),
     "softmodels.case.case": ("Case", "CaseError"),
@@ -98,7 +101,10 @@ if TYPE_CHECKING:
     from softmodels.mechanics.contact import Obstacle as Obstacle
     from softmodels.mechanics.contact import ObstacleError as ObstacleError
     from softmodels.mechanics.mpi import StartError as StartError
+    from softmodels.mechanics.parts import PartError as PartError
+    from softmodels.mechanics.rigid_shapes import RigidShape as RigidShape
     from softmodels.mechanics.sheet import Sheet as Sheet
+    from softmodels.mechanics.walls.part import Walls as Walls
     from softmodels.path.air_supply import SupplyError as SupplyError
     from softmodels.path.syringe import Syringe as Syringe
     from softmodels.results.limits import Limit as Limit

@@ -197,7 +197,11 @@ class Part[P: PartClass](Entry[P | None]):
         table = self.part.table
         if table not in tables:
             return MISSING
-        return self._made(codec.from_table(self.part, table_of(tables, table), f"[{table}]", f"{table} "))
+        found = table_of(tables, table)
+        own = {key: value for key, value in found.items() if not isinstance(value, Mapping)}
+        if found and not own:  # [table.name] alone, which are parts
+            return MISSING
+        return self._made(codec.from_table(self.part, own, f"[{table}]", f"{table} "))
 
     def write(self, value: P | None, text: Text) -> Written:
         return {} if value is None else {self.part.table: codec.to_table(value, text)}

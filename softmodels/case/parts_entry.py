@@ -11,8 +11,13 @@ from geometries.errors import FieldError
 from geometries.kinds import Text
 from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, table_of
 from softmodels.mechanics.parts import PARTS, Part, PartError
+from softmodels.mechanics.rigid_shapes import RigidShape
+from softmodels.mechanics.walls.part import Walls
 
 Parts = tuple[Part, ...]
+
+OWN_KINDS: tuple[type[Part], ...] = (RigidShape, Walls)
+"""Kinds of the library's own: their import here registers them."""
 
 
 class PartsEntry(Entry[Parts]):
@@ -36,6 +41,9 @@ class PartsEntry(Entry[Parts]):
 
 def _of_table(kind: type[Part], tables: Tables) -> list[Part]:
     table = table_of(tables, kind.table)
+    if kind.always_named:
+        table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
+        return [_made(kind, name, table_of(table, name)) for name in table]
     named = [isinstance(value, Mapping) for value in table.values()]
     if not any(named):
         return [_made(kind, "", table)]

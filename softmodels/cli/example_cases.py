@@ -70,6 +70,19 @@ pressure_cm = "0:177"
 faces = "top"
 plane = "z = 17 mm"
 """,
+    "ball.toml": f"""# pressed on a rigid ball that stands half a millimetre above the disk
+name = "ball"
+
+{_DISK}
+[load]
+pressure_cm = "0:120"
+
+[contact.ball]
+shape = "sphere"
+faces = "top"
+at = ["0 mm", "0 mm", "26.5 mm"]
+radius = "10 mm"
+""",
     "sheet.toml": """# the seminar actuator, coarse, with a thin sheet on its underside
 name = "sheet"
 

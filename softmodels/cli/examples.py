@@ -39,7 +39,7 @@ disk.toml          the disk of the photographs, its silicone not yet known
 pull.csv           a tensile test of its silicone
 truth.txt          what it is made of
 mypart.step        a part with two cavities, mypart.toml the case of it, program.toml one with a series for each cavity
-*.toml             cases: volume, syringe, cycle, contact, sheet (seminar)
+*.toml             cases: volume, syringe, cycle, contact, ball, sheet (seminar)
 
 Try them as the README of softmodels shows, for example
 

@@ -37,7 +37,7 @@ class Bordered:
     Vectors of the whole system hold the body's unknowns, then on the last rank the pressure and those of held volumes.
 
     Args:
-        K: Tangent matrix (PETSc Mat, symmetric) to factorise; its values may change, its pattern may not.
+        K: Tangent matrix (PETSc Mat, symmetric) to factorise; its values may change, its pattern may grow.
         product: ``product(x, y)`` puts the current tangent times x into y (local owned arrays). Where K was factorised at
             an earlier state, this is what makes the solution that of the present one.
         constraints: Number of held volumes.
@@ -59,20 +59,29 @@ class Bordered:
         )
         self.compliances = np.zeros((self.scalars, self.scalars))
         self.factorisations = 0
-        self._direct = PETSc.PC().create(K.comm)
-        self._direct.setOptionsPrefix("body_")
-        self._direct.setOperators(K, K)
-        self._direct.setType("cholesky")
-        self._direct.setFactorSolverType("mumps")
-        self._direct.setFactorSetUpSolverType()
-        self._direct.getFactorMatrix().setMumpsIcntl(
-            13, 1
-        )  # the last front too counts its negative pivots, on all ranks
-        self._direct.setFromOptions()
+        self._make_direct()
         self.shell = Shell(self.mult, self.apply)
         size = (self.n + self.extra, PETSc.DETERMINE)
         self.mat = PETSc.Mat().createPython((size, size), context=self.shell, comm=K.comm)
         self.mat.setUp()
+
+    def _make_direct(self) -> None:
+        """Make what factorises K with the pattern it has."""
+        from petsc4py import PETSc
+
+        direct = self._direct = PETSc.PC().create(self.K.comm)
+        direct.setOptionsPrefix("body_")
+        direct.setOperators(self.K, self.K)
+        direct.setType("cholesky")
+        direct.setFactorSolverType("mumps")
+        direct.setFactorSetUpSolverType()
+        direct.getFactorMatrix().setMumpsIcntl(13, 1)  # the last front too counts its negative pivots, on all ranks
+        direct.setFromOptions()
+        self._entries = self._count()
+
+    def _count(self) -> float:
+        """Entries of K, on all ranks."""
+        return float(self.K.getInfo()["nz_used"])
 
     @property
     def q(self) -> PETSc.Vec:
@@ -110,6 +119,9 @@ class Bordered:
         Raises:
             MemoryError: On all ranks, if one has not enough. PETSc itself goes on with a preconditioner that is none.
         """
+        if self._count() != self._entries:  # contact has coupled more: PETSc would keep the analysis of the old pattern
+            self._direct.destroy()
+            self._make_direct()
         self._direct.setReusePreconditioner(False)
         self._direct.setUp()
         if int(self._direct.getFactorMatrix().getMumpsInfog(1)) in OUT_OF_MEMORY:

@@ -31,6 +31,7 @@ from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.mpi import largest
 
 if TYPE_CHECKING:
+    from dolfinx import fem
     from ufl.core.expr import Expr
 
 STIFFNESS = 300.0
@@ -40,6 +41,8 @@ soft actuators take, sinks in by 0.3 % of the size. The default disk presses on 
 SOFTEST, STIFFEST = 1.0, 1e5
 ONSET = 1e-3
 """Depth over which the contact sets in, in sizes of the device."""
+ONSET_PRESSURE = 0.3
+"""Pressure in shear moduli that a stiffness would have at the end of its onset, were that not rounded."""
 NEAR = 1e-6
 """Distance in sizes up to which a point lies in the plane."""
 
@@ -137,6 +140,13 @@ class Obstacle:
         return point, normal
 
 
+def penalty(d: Expr, onset: fem.Constant) -> Expr:
+    """phi(d) / k in UFL, of a d that is not below zero."""
+    import ufl
+
+    return ufl.conditional(ufl.lt(d, onset), d**3 / (6 * onset), d**2 / 2 - onset * d / 2 + onset**2 / 6)
+
+
 class Contact:
     """An obstacle's terms in the equations of a body; dimensionless inside.
 
@@ -173,7 +183,7 @@ class Contact:
         along, level = fem.Constant(mesh, self.normal), fem.Constant(mesh, self.level)
         stiffness, onset = fem.Constant(mesh, float(obstacle.stiffness)), fem.Constant(mesh, ONSET)
         d = ufl.max_value(level - ufl.dot(along, ufl.SpatialCoordinate(mesh) + body.displacement(y)), 0.0)
-        energy = ufl.conditional(ufl.lt(d, onset), d**3 / (6 * onset), d**2 / 2 - onset * d / 2 + onset**2 / 6)
+        energy = penalty(d, onset)
         pressure = ufl.conditional(ufl.lt(d, onset), d**2 / (2 * onset), d - onset / 2)
         areas = [body.sheet_face(role)[0] for role in self.roles]
         self.energies = [stiffness * energy * body.hoop * dA for dA in areas]

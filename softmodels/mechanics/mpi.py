@@ -170,6 +170,13 @@ def largest(comm: MPI.Comm, value: float) -> float:
     return float(comm.allreduce(value, op=MPI.MAX))
 
 
+def summed(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Sum of all ranks' arrays of one shape, on every rank."""
+    from mpi4py import MPI
+
+    return values if comm.size == 1 else comm.allreduce(values, op=MPI.SUM)
+
+
 def abort_on_error(comm: MPI.Comm) -> None:
     """Make an exception on one rank end all: the others would wait for it in a collective for ever."""
     if comm.size == 1:

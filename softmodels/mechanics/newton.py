@@ -145,16 +145,17 @@ class Newton:
         self._iterate = here
 
     def _guard(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
-        """Shorten Newton's step y (the next iterate is x - y) until no integration point turns inside out."""
+        """Shorten Newton's step y (the next iterate is x - y) until nothing turns inside out or passes through a wall."""
         self.kept.count(self.snes.getKSP())
         self._take_iterate(x)
-        least = 0.1 * self.system.smallest_J()
+        system, least = self.system, 0.1 * self.system.smallest_J()
+        before = system.w.x.array.copy()
         trial, factor = x.duplicate(), 1.0
         for _ in range(8):
             x.copy(trial)
             trial.axpy(-factor, y)
             self._take_iterate(trial)
-            if self.system.smallest_J() > least:
+            if system.smallest_J() > least and system.potential.admits(before, system.w.x.array):
                 break
             factor /= 2
         y.scale(factor)

@@ -30,12 +30,16 @@ from geometries.fields import settle
 from measurement.wording import Spoken
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
     import ufl
     from dolfinx import fem
     from mpi4py import MPI
     from ufl.core.expr import Expr
 
     from softmodels.mechanics.body import Body
+
+    Array = npt.NDArray[np.float64]
 
 
 class PartError(Spoken, ValueError):
@@ -50,6 +54,7 @@ class Part(abc.ABC):
         name: What tells it from others of its kind; empty for one alone.
         table: Its table in a case file.
         needs: What is missing where a field without a default is not given, a sentence.
+        always_named: Whether ``[table]`` itself belongs to something else, so that each stands in a ``[table.name]``.
         figure_texts: Short name and meaning of its columns of ``path.csv`` by a pattern of `re`; ``{0}`` is its first group.
 
     Raises:
@@ -59,6 +64,7 @@ class Part(abc.ABC):
     name: str = dataclasses.field(default="", kw_only=True)
     table: ClassVar[str]
     needs: ClassVar[str] = ""
+    always_named: ClassVar[bool] = False
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
 
     def __post_init__(self) -> None:
@@ -77,6 +83,11 @@ class Part(abc.ABC):
     def label(self) -> str:
         """What its columns begin with: its name, or its table's."""
         return self.name or self.table
+
+    @property
+    def in_model(self) -> str:
+        """What it adds to the sentence on what is not in a model, begun with '; '; nothing for most."""
+        return ""
 
     @property
     def where(self) -> str:
@@ -119,6 +130,8 @@ class Equations(Protocol):
     @property
     def body(self) -> Body: ...
     @property
+    def w(self) -> fem.Function: ...
+    @property
     def comm(self) -> MPI.Comm: ...
     @property
     def stress_unit(self) -> float: ...
@@ -148,6 +161,14 @@ class Term:
     def figures(self, equations: Equations) -> dict[str, float]:
         """Columns of ``path.csv`` and their values in the state that is loaded, of the whole device, on all ranks."""
         return {}
+
+    def admits(self, before: Array, after: Array) -> bool:
+        """Whether the device may go from one state to another in one step, the same on all ranks.
+
+        Args:
+            before, after: This rank's owned entries of w, and possibly more behind them.
+        """
+        return True
 
 
 PARTS: dict[str, type[Part]] = {}

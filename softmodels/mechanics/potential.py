@@ -156,6 +156,10 @@ class Potential:
             found[1] = self.sheet_stiffness * density * self.body.hoop * on_face
         return found
 
+    def admits(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
+        """Whether the device may go from one state's w to another's in one step: no wall passes through what stops it."""
+        return all(term.admits(before, after) for term in self.terms.values())
+
     # -- values -------------------------------------------------------------------------------------------------------
 
     def set_material(self, material: Material, length_unit: float) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.system import System
 
@@ -19,4 +21,5 @@ def held_force(system: System, role: str, component: int) -> float:
     force = sum(
         -factor * float(system.assemble([form], held=True)[owned].sum()) for form, factor in system.forces_and_loads()
     )
-    return total(system.comm, float(force))
+    pressed = system.assembled.add_forces(system.w.x.array, np.zeros(system.n), held=True)
+    return total(system.comm, float(force - pressed[owned].sum()))

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.strain import Strain
+from softmodels.mechanics.assembled import AssembledTerms, mark_symmetric
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.coupling import Coupling
@@ -105,14 +106,13 @@ class System:
         self.set_material(material)
         self.form = functools.partial(fem.form, jit_options=JIT)
         self._compile()
-        zero = np.array(0.0)
-        self.bcs = [fem.dirichletbc(zero, dofs, self.vectors.sub(i)) for i, dofs in body.held(self.vectors)]
+        held = body.held(self.vectors)
+        self.bcs = [fem.dirichletbc(np.array(0.0), dofs, self.vectors.sub(i)) for i, dofs in held]
+        self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
         self.K: PETSc.Mat = fem_petsc.create_matrix(self._tangent[0])  # facets couple no others than their cells do
-        self.K.setOption(self.K.Option.SYMMETRIC, True)
-        self.K.setOption(self.K.Option.SYMMETRY_ETERNAL, True)
+        mark_symmetric(self.K)
         self._vector = fem.Function(self.space)
-        topology = body.mesh.topology
-        self.cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
+        self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
         self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
         self.dead = DeadLoads(self, parts)
         self._loads += self.dead.forms
@@ -234,7 +234,7 @@ class System:
 
     def stored_energy(self) -> float:
         """Energy stored in the body in the current state."""
-        return sum(self.integral(form) for form in self._stored)
+        return sum(self.integral(form) for form in self._stored) + self.assembled.energy(self.w.x.array)
 
     def contact_force(self) -> float:
         """Force of the current state on the obstacle, of the slice, dimensionless; 0 without one."""
@@ -271,7 +271,7 @@ class System:
 
     def internal_forces(self) -> Array:
         """Derivative of the stored energy, owned entries; a view that the next assembly overwrites."""
-        return self.assemble(self._internal)
+        return self.assembled.add_forces(self.w.x.array, self.assemble(self._internal))
 
     def pressure_loads(self) -> Array:
         """Each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
@@ -285,6 +285,7 @@ class System:
         for form in self._tangent:
             fem_petsc.assemble_matrix(self.K, form, bcs=self.bcs)
             self.K.assemble()  # between the forms too: held dofs' diagonal is put in, the rest is added up
+        self.assembled.add_to(self.K, self.w.x.array)
 
     def tangent_product(self, x: Array, y: Array) -> None:
         """Put the current state's tangent times x into y. Cheaper than assembling the matrix, and only good for products."""
@@ -293,7 +294,7 @@ class System:
         for bc in self.bcs:
             bc.set(d.array, alpha=0.0)
         d.scatter_forward()
-        y[:] = self.assemble(self._product)
+        y[:] = self.assembled.add_product(self.w.x.array, d.array, self.assemble(self._product))
         for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
             dofs, owned = bc.dof_indices()
             y[dofs[:owned]] = x[dofs[:owned]]

@@ -99,7 +99,7 @@ class Corrector:
         )
 
     def check_branch(self, state: State) -> None:
-        """Refuse a state that Newton found somewhere else: behind the last one, or with its cavity turned inside out.
+        """Refuse a state that Newton found somewhere else: behind the last one, its cavity inside out, or through a wall.
 
         Raises:
             NoConvergence: It lies there.
@@ -108,6 +108,8 @@ class Corrector:
         along = self.plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
         if (self.solver.system.volumes() <= 0.0).any() or along <= 0.0:
             raise NoConvergence("it jumped to another branch")
+        if not self.solver.system.potential.admits(s.w, state.w):
+            raise NoConvergence("a wall passed through what stops it")
 
     # -- between two points -------------------------------------------------------------------------------------------
 

@@ -30,6 +30,7 @@ from softmodels.pictures import (
     solid_pictures,
 )
 from softmodels.pictures.offscreen import can_render
+from softmodels.pictures.rigid_bodies import draw_outlines
 from softmodels.pictures.style import STYLE, headline
 from softmodels.pictures.viewpoint import Look, look
 from softmodels.results.cut_lines import axes_of, cut_line
@@ -159,7 +160,9 @@ def _sections(states: States, out: Folder) -> None:
     out.save("mesh", section_pictures.section_mesh(points, cells))
     values = states.field(step, "von_mises_stress")
     plate = _plate(states)
-    out.save("slice", section_pictures.section_stress(points, moved, cells, values, states.rows[step], gauge, plate))
+    stress = section_pictures.section_stress(points, moved, cells, values, states.rows[step], gauge, plate)
+    draw_outlines(stress.axes[0], states.case)
+    out.save("slice", stress)
     if (at := states.bifurcation) is not None:
         out.save(
             "mode",

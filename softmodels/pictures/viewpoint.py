@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from softmodels.pictures.colour_scale import Scale
 from softmodels.pictures.offscreen import PIXELS, Camera, Layer, Style, lines, surface
+from softmodels.pictures.rigid_bodies import shape_layers
 from softmodels.pictures.style import EDGE, INK, WARNING
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
@@ -76,15 +77,17 @@ class Look:
         return np.asarray(point + (middle + half * corners) @ along)
 
     def plate_layers(self) -> list[Layer]:
-        """Layers of the rigid plane: translucent, with a border; none without one."""
+        """Layers of what stops the device: shapes, and the plane with a border; none without any."""
+        states, skin = self.states, self.states.skin
+        shapes = shape_layers(states.case, skin.device(skin.points(states.moved(states.main))))
         if self.plate is None:
-            return []
+            return shapes
         count = len(self.plate)
         fan = np.column_stack([np.zeros(count - 2, int), np.arange(1, count - 1), np.arange(2, count)])
         ring = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
         style: Style = {"color": WARNING, "opacity": 0.05, "ambient": 1.0}
         border: Style = {"color": WARNING, "line_width": 2.0}
-        return [(surface(self.plate, fan), style), (lines(self.plate, ring), border)]
+        return [*shapes, (surface(self.plate, fan), style), (lines(self.plate, ring), border)]
 
     def scale(self, steps: Sequence[int], field: str = "von_mises_stress") -> Scale:
         """One scale for what is seen in some states: everything where a cut is seen, else the outside alone."""

@@ -10,6 +10,7 @@ from softmodels.case.gauges import followed_text
 from softmodels.materials.silicones import SILICONES, named, stretch_at_break
 from softmodels.materials.spread import material_spread
 from softmodels.materials.stability import instabilities
+from softmodels.mechanics.walls.part import Walls
 from softmodels.results.row import Row
 
 DEEPEST = 0.01
@@ -29,7 +30,7 @@ def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
         *stretch_notes(case, rows),
         *source_notes(case),
         *volume_notes(rows),
-        *contact_notes(rows),
+        *contact_notes(case, rows),
         *depth_notes(case, rows),
         *place_notes(case, rows),
     ]
@@ -90,15 +91,21 @@ def volume_notes(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def contact_notes(rows: Sequence[Row]) -> list[str]:
+def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """A sentence on walls that have met; none if they have not."""
     first = next((row for row in rows if row.get("walls_touch")), None)
     if first is None:
         return []
+    if pressing := [part.faces for part in case.parts if isinstance(part, Walls)]:
+        return [
+            f"at {first['pressure_cm']:.4g} cm walls that face each other have met; {', '.join(pressing)} press on each other, "
+            "and others pass through"
+        ]
     return [
         f"at {first['pressure_cm']:.4g} cm walls that face each other have met: from there on they would press on each other, "
-        "and here they pass through; see walls_touch in path.csv, and leave more room between them (a wall and its mirror "
-        "image can be stopped at the plane between: --contact with --contact-plane)"
+        "and here they pass through; see walls_touch in path.csv, leave more room between them, or name them in a "
+        "[walls] table of a case file (a wall and its mirror image can be stopped at the plane between: "
+        "--contact with --contact-plane)"
     ]
 
 
@@ -141,6 +148,8 @@ def left_out(case: Case) -> str:
     stopped = (
         "" if case.obstacle is None else f"; the rigid plane {case.obstacle.plane} stops {case.obstacle.faces} alone"
     )
+    for part in case.parts:
+        stopped += part.in_model
     return (
         f"the silicone is elastic; weight and viscosity are not in the model, and walls that meet pass through{stopped}"
     )

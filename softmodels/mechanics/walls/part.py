@@ -1,0 +1,134 @@
+"""Walls of a device that press on each other where they meet: chambers of a bellows, a cavity's own walls."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import ClassVar
+
+import numpy as np
+from scipy import sparse
+
+from geometries.fields import field_of
+from geometries.kinds import Quantity, Words
+from softmodels.mechanics.assembled import AssembledTerm
+from softmodels.mechanics.contact import ONSET_PRESSURE, STIFFEST
+from softmodels.mechanics.face_nodes import FaceNodes, check_faces
+from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
+from softmodels.mechanics.walls.energy import Pressed
+from softmodels.mechanics.walls.gap import Penalty
+from softmodels.mechanics.walls.pairs import Pairs
+from softmodels.mechanics.walls.passing import passes
+from softmodels.mechanics.walls.surface import Array, Surface
+
+STIFFNESS = 3000.0
+"""Shear moduli of pressure per overlap of one size of the device; ten times that of a rigid plane, since walls are thin."""
+SOFTEST = 10.0
+SOON = 0.2
+"""Gap in radii of the kernel below which nodes are coupled in the matrix's pattern before they touch."""
+
+
+@register_part
+@dataclasses.dataclass(frozen=True)
+class Walls(EnergyPart):
+    """Walls that press on each other without friction.
+
+    Attributes:
+        faces: Roles of the facets, such as ``"cavity"`` or ``"left, right"``: all of them may meet each other and themselves.
+        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`.
+    """
+
+    faces: str = field_of(
+        Words(), "faces that press on each other, and each on itself, where they meet, without friction"
+    )
+    stiffness: float = field_of(
+        Quantity(), "shear moduli of contact pressure per overlap of one size of the device", STIFFNESS
+    )
+
+    table: ClassVar[str] = "walls"
+    needs: ClassVar[str] = "[walls] needs the faces that may meet (faces = 'cavity')"
+    figure_texts: ClassVar = {
+        r"(\w+)_contact_N": (
+            "contact of {0}",
+            "sum of the sizes of the forces with which those walls press on each other",
+        ),
+        r"(\w+)_overlap_mm": ("overlap of {0}", "how deep those walls sink into each other at most"),
+        r"(\w+)_gap_mm": ("gap between {0}", "smallest distance between those walls, once they are near each other"),
+    }
+
+    def check(self) -> None:
+        if not self.roles:
+            raise PartError(self.needs)
+        if len(set(self.roles)) < len(self.roles):
+            raise PartError(f"{self.where}: faces = {self.faces!r} names a face twice")
+        if not SOFTEST <= self.stiffness <= STIFFEST:
+            raise PartError(
+                f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {SOFTEST:g} to "
+                f"{STIFFEST:g} are taken, and {STIFFNESS:g} is usual"
+            )
+
+    @property
+    def roles(self) -> list[str]:
+        return [role.strip() for role in self.faces.split(",") if role.strip()]
+
+    @property
+    def in_model(self) -> str:
+        return f" but for {self.faces}, which press on each other without friction"
+
+    def term(self, setting: Setting) -> WallTerm:
+        check_faces(setting.body, self.roles, self.where)
+        return WallTerm(self, setting)
+
+
+class WallTerm(AssembledTerm):
+    """Contact of deformable walls; see `softmodels.mechanics.walls.gap`.
+
+    Args:
+        part: The walls.
+        setting: The potential.
+    """
+
+    def __init__(self, part: Walls, setting: Setting):
+        body = setting.body
+        nodes = FaceNodes(body, setting.w.function_space, part.roles)
+        super().__init__(nodes)
+        self.part = part
+        surface = Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside, body.axisymmetric)
+        self.pairs = Pairs(surface, np.ones((len(part.roles), len(part.roles)), dtype=np.bool_))
+        self.penalty = Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness)
+        self.copies = body.actuator.copies
+        self._pressed = Pressed(self.pairs, self.penalty, nodes.places)
+        if self._pressed.depth > 1e-6:
+            raise PartError(
+                f"{part.where}: at rest the walls {part.faces} overlap by "
+                f"{self._pressed.depth * body.actuator.size * 1e3:.3g} mm; leave room between them, or name others"
+            )
+
+    def move(self, places: Array) -> None:
+        self._pressed = Pressed(self.pairs, self.penalty, places)
+
+    def energy_here(self) -> float:
+        return self._pressed.energy
+
+    def forces_here(self) -> Array:
+        return self._pressed.forces
+
+    def stiffness_here(self) -> sparse.csr_array:
+        return self._pressed.stiffness
+
+    def coupled(self) -> sparse.csr_array:
+        return self._pressed.coupled(SOON)
+
+    def admits(self, before: Array, after: Array) -> bool:
+        return not passes(self.pairs, self.nodes.moved(before), self.nodes.moved(after))
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        pressed, label, mm = self._pressed, self.part.label, equations.length_unit * 1e3
+        force = pressed.pressed_force * equations.stress_unit * equations.length_unit**2 * self.copies
+        gap = float(pressed.gaps.min(initial=math.inf))
+        return {
+            f"{label}_contact_N": force,
+            f"{label}_overlap_mm": max(-gap, 0.0) * mm,
+            f"{label}_gap_mm": max(gap, 0.0) * mm if math.isfinite(gap) else math.nan,
+        }

@@ -1,0 +1,75 @@
+"""Rigid shapes that stop a device, in its pictures: their surfaces in the rendered ones, their outlines in sections."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from softmodels.case.case import Case
+from softmodels.mechanics.rigid_shapes import RigidShape
+from softmodels.pictures.offscreen import Layer, Style, surface
+from softmodels.pictures.style import WARNING
+from softmodels.results.triangles import Array, Cells
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+AROUND, ALONG = 48, 16
+"""Facets around a shape, and from an end to its middle."""
+
+
+def profile(shape: RigidShape, reach: float) -> Array:
+    """Half the outline of a shape by its axis: distance along it and radius in m, shape (n, 2).
+
+    Args:
+        shape: The shape.
+        reach: Half the length in m of which a cylinder without ends is drawn.
+    """
+    if shape.shape == "cylinder":
+        return np.array([[-reach, shape.radius], [reach, shape.radius]])
+    angle = np.linspace(0.0, np.pi / 2, ALONG)
+    end = shape.radius * np.column_stack([np.sin(angle), np.cos(angle)])
+    shift = np.array([shape.length / 2, 0.0])
+    return np.concatenate([end[::-1] * (-1, 1) - shift, end + shift])
+
+
+def shape_surface(shape: RigidShape, reach: float) -> tuple[Array, Cells]:
+    """Points in m, shape (n, 3), and triangles of a shape."""
+    axis = shape.direction
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    angle = np.linspace(0.0, 2 * np.pi, AROUND + 1)[:-1]
+    spokes = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), np.cross(axis, first))
+    line = profile(shape, reach)
+    points = np.asarray(shape.at) + line[:, 0, None, None] * axis + line[:, 1, None, None] * spokes
+    here = np.arange(AROUND) + AROUND * np.arange(len(line) - 1)[:, None]
+    side = np.roll(np.arange(AROUND), -1) + AROUND * np.arange(len(line) - 1)[:, None]
+    quads = np.stack([here, side, side + AROUND, here + AROUND], axis=-1).reshape(-1, 4)
+    return points.reshape(-1, 3), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def shapes_of(case: Case) -> list[RigidShape]:
+    return [part for part in case.parts if isinstance(part, RigidShape)]
+
+
+def shape_layers(case: Case, points: Array) -> list[Layer]:
+    """Translucent surfaces of a case's shapes; points (n, 3) in m are of the device, which a cylinder overtops a little."""
+    style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
+    found: list[Layer] = []
+    for shape in shapes_of(case):
+        along = (points - np.asarray(shape.at)) @ shape.direction
+        found.append((surface(*shape_surface(shape, 1.1 * float(np.abs(along).max()))), style))
+    return found
+
+
+def draw_outlines(axes: Axes, case: Case) -> None:
+    """Draw the outlines of a case's shapes into an axisymmetric section in millimetres, whose limits stay."""
+    limits = axes.get_xlim(), axes.get_ylim()
+    for shape in shapes_of(case):
+        line = profile(shape, 10.0)
+        side = np.sign(shape.direction[2]) if shape.shape != "sphere" else 1.0
+        axes.plot(
+            1e3 * line[:, 1], 1e3 * (shape.at[2] + side * line[:, 0]), color=WARNING, linewidth=1.5, linestyle="--"
+        )
+    axes.set(xlim=limits[0], ylim=limits[1])

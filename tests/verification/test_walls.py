@@ -1,0 +1,207 @@
+"""Walls that press on each other: derivatives, balances, flat walls, two shells against their mirror plane, nothing passes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from geometries import CutPlane, Hold, HollowDisk
+from geometries.fields import length_field, number_field
+from softmodels.case.case import Case, CaseError
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.controls import volume_control
+from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.mechanics.walls.energy import Pressed
+from softmodels.mechanics.walls.gap import Penalty
+from softmodels.mechanics.walls.pairs import Pairs
+from softmodels.mechanics.walls.part import Walls
+from softmodels.mechanics.walls.passing import passes
+from softmodels.mechanics.walls.surface import Surface
+
+RUBBER = NeoHookean(30e3, 0.49)
+PENALTY = Penalty(300.0, 0.005)
+MIRROR = "a shell on the mirror plane of two"
+
+
+def sheet(dimension, cells, height, inside):
+    """A flat wall over [0, 1] or its square: nodes, facets, points of the solid behind it."""
+    steps = np.linspace(0.0, 1.0, 2 * cells + 1)
+    if dimension == 2:
+        nodes = np.column_stack([steps, np.full_like(steps, height)])
+        facets = np.array([(2 * i, 2 * i + 2, 2 * i + 1) for i in range(cells)])
+        return nodes, facets, np.tile([0.5, inside], (cells, 1))
+    nodes = np.array([(x, y, height) for y in steps for x in steps])
+    facets = []
+    for i in range(0, 2 * cells, 2):
+        for j in range(0, 2 * cells, 2):
+            square = [(i, j), (i + 2, j), (i + 2, j + 2), (i, j + 2)]
+            for corners in (np.array(square)[[0, 1, 2]], np.array(square)[[0, 2, 3]]):
+                middles = [(corners[a] + corners[b]) // 2 for a, b in ((1, 2), (2, 0), (0, 1))]
+                facets.append([y * len(steps) + x for x, y in (*corners, *middles)])
+    return nodes, np.array(facets), np.tile([0.5, 0.5, inside], (len(facets), 1))
+
+
+def two_sheets(dimension):
+    """Two walls a tenth apart whose facets do not match, and the upper one's nodes."""
+    upper, lower = sheet(dimension, 3, 0.1, 5.0), sheet(dimension, 4, 0.0, -5.0)
+    nodes, facets = np.vstack([upper[0], lower[0]]), np.vstack([upper[1], lower[1] + len(upper[0])])
+    walls = np.repeat([0, 1], [len(upper[1]), len(lower[1])])
+    surface = Surface(nodes, facets, walls, np.vstack([upper[2], lower[2]]))
+    return Pairs(surface, np.array([[False, True], [True, False]])), np.arange(len(nodes)) < len(upper[0])
+
+
+@pytest.fixture(scope="module", params=[2, 3], ids=["lines", "triangles"])
+def sheets(request):
+    return two_sheets(request.param)
+
+
+def test_flat_walls_are_exact_whatever_their_facets(sheets):
+    pairs, upper = sheets
+    nodes = pairs.surface.nodes.copy()
+    nodes[upper, -1] -= 0.11
+    pressed = Pressed(pairs, PENALTY, nodes)
+    assert pressed.gaps == pytest.approx(-0.01, rel=1e-12)
+    assert pressed.energy == pytest.approx(float(PENALTY.rates(np.array(0.01))[0]), rel=2e-3)  # less at corners
+    rest = Pressed(pairs, PENALTY, pairs.surface.nodes)
+    assert rest.energy == 0.0 and not rest.forces.any() and not rest.stiffness.nnz
+
+
+def test_derivatives_and_balances(sheets):
+    """Taylor's remainders fall quadratically; neither a push nor a turn is left over."""
+    pairs, upper = sheets
+    random = np.random.default_rng(3)
+    nodes = pairs.surface.nodes + 0.005 * random.standard_normal(pairs.surface.nodes.shape)
+    nodes[upper, -1] -= 0.12
+    here, way = Pressed(pairs, PENALTY, nodes), random.standard_normal(nodes.shape)
+    steps, first, second = np.array([5e-4, 2.5e-4, 1.25e-4]), [], []
+    for step in steps:
+        there = Pressed(pairs, PENALTY, nodes + step * way)
+        first.append(abs(there.energy - here.energy - step * np.sum(here.forces * way)))
+        left = (there.forces - here.forces).ravel() - step * (here.stiffness @ way.ravel())
+        second.append(np.linalg.norm(left))
+    for errors in (first, second):
+        assert np.diff(np.log(errors)) / np.diff(np.log(steps)) == pytest.approx(2.0, abs=0.25)
+    assert abs(here.stiffness - here.stiffness.T).max() < 1e-9 * abs(here.stiffness).max()
+    size = np.abs(here.forces).sum()
+    assert np.abs(here.forces.sum(axis=0)).max() < 1e-12 * size
+    turns = np.einsum("ni,nj->ij", nodes, here.forces)
+    assert np.abs(turns - turns.T).max() < 1e-12 * size
+
+
+def test_nothing_passes_through(sheets):
+    """Neither slowly nor in one leap, however far; past the wall's end there is nothing in the way."""
+    pairs, upper = sheets
+    rest = pairs.surface.nodes
+    for drop, refused in ((0.05, False), (0.12, False), (0.3, True), (3.0, True), (30.0, True)):
+        assert passes(pairs, rest, rest - np.outer(upper, np.eye(rest.shape[1])[-1] * drop)) is refused
+    aside = rest + np.outer(upper, np.eye(rest.shape[1])[0] * 3.0)
+    assert not passes(pairs, rest, aside)
+    assert not passes(pairs, aside, aside - np.outer(upper, np.eye(rest.shape[1])[-1] * 3.0))
+
+
+@pytest.fixture(scope="module")
+def pair_of_shells(bodies):
+    @dataclasses.dataclass(frozen=True, kw_only=True)
+    class Pair(bodies.Sphere):
+        """Two half shells whose poles face each other; the upper one has more cells."""
+
+        gap: float = length_field(0.0006, "between the poles")
+        more: float = number_field(3, "more cells along the upper one")
+
+        ratios = (1.0, 1.0)
+        holds = (Hold("axis", (1.0, 0.0, 0.0)), Hold("far", (0.0, 0.0, 1.0)))
+        cut_planes = (CutPlane("equator", (0.0, 0.0, -1.0)),)
+        cavity_volume = math.nan
+
+        def build(self):
+            import gmsh
+
+            geo, mesh = gmsh.model.geo, gmsh.model.geo.mesh
+            groups, solid = {}, []
+            for at, up, names, along in (
+                (0.0, 1.0, ("equator", "cavity", "lower"), self.along),
+                (2 * self.outer + self.gap, -1.0, ("far", "cavity2", "upper"), self.along + self.more),
+            ):
+                centre = geo.addPoint(0, at, 0)
+                a, b = geo.addPoint(self.inner, at, 0), geo.addPoint(self.outer, at, 0)
+                c, d = geo.addPoint(0, at + up * self.outer, 0), geo.addPoint(0, at + up * self.inner, 0)
+                flat, outside = geo.addLine(a, b), geo.addCircleArc(b, centre, c)
+                axis, inside = geo.addLine(c, d), geo.addCircleArc(d, centre, a)
+                solid.append(geo.addPlaneSurface([geo.addCurveLoop([flat, outside, axis, inside])]))
+                for curve, cells in ((flat, self.through), (axis, self.through), (outside, along), (inside, along)):
+                    mesh.setTransfiniteCurve(curve, round(cells) + 1)
+                mesh.setTransfiniteSurface(solid[-1])
+                for name, curve in zip((*names, "axis"), (flat, inside, outside, axis), strict=True):
+                    groups.setdefault(name, []).append(curve)
+            geo.synchronize()
+            gmsh.model.addPhysicalGroup(2, solid, 1, "solid")
+            for tag, (name, curves) in enumerate(groups.items(), 10):
+                gmsh.model.addPhysicalGroup(1, curves, tag, name)
+
+    return Pair
+
+
+def test_two_shells_meet_as_one_meets_its_mirror_plane(bodies, pair_of_shells, body_of, solved, tube_body, figure):
+    """Other cells on the other wall, a wall ten times stiffer than a plane; volumes and forces at one pressure."""
+    k, pressures = 3000.0, [0.2, 0.3, 0.4]
+    shell, pair = bodies.Sphere(through=2, along=24), pair_of_shells(through=2, along=24)
+    plane = f"z = {1e3 * (pair.outer + pair.gap / 2)} mm"
+    one = Solver(System(body_of(shell, tube_body), RUBBER, obstacle=Obstacle("outer", plane, 2 * k)))
+    two = Solver(System(body_of(pair, tube_body), RUBBER, parts=[Walls("lower, upper", k)]))
+    found = {}
+    for name, equations in (("one", one), ("two", two)):
+        _, points, end = solved(equations, pressures)
+        assert end is None
+        system = equations.system
+        states = [point.state for point in points if point.requested]
+        assert [state.P for state in states] == pytest.approx(pressures)
+        found[name] = np.array([state.V for state in states]) - system.rest().V
+        system.load(states[-1])
+    figure(MIRROR, "added volume of two", np.abs(found["two"] / found["one"] / 2 - 1).max(), 1e-3)
+    figures = two.system.potential.terms["walls"].figures(two.system)
+    force = one.system.contact_force() * one.system.stress_unit * one.system.length_unit**2
+    figure(MIRROR, "force of two", figures["walls_contact_N"] / force - 1, 0.01)
+    assert figures["walls_overlap_mm"] < 0.01 * 1e3 * (pair.outer - pair.inner)
+
+
+def test_every_step_ends_in_the_same_state(pair_of_shells, body_of, solved, tube_body, figure):
+    """One state by many steps of the pressure and by a few of the volume."""
+    pair = pair_of_shells(through=2, along=24)
+    equations = Solver(System(body_of(pair, tube_body), RUBBER, parts=[Walls("lower, upper")]))
+    _, points, end = solved(equations, [0.3])
+    assert end is None
+    rest, goal = equations.system.rest(), points[-1].state.V
+    state = rest
+    for share in (0.5, 0.8, 1.0):
+        state = equations.solve(volume_control(rest.V + share * (goal - rest.V)), state.w, state.P)
+    figure("the path by pressure", "state by three steps of volume", state.P / 0.3 - 1, 1e-7)
+
+
+def test_a_case_keeps_its_walls_and_refuses_what_makes_none(body_of):
+    disk = HollowDisk(section="axisymmetric")
+    case = Case(
+        "disk",
+        disk,
+        RUBBER,
+        pressures_cm=(10.0,),
+        parts=(Walls("cavity", name="inside"), Walls("top", 100.0, name="above")),
+    )
+    assert Case.from_toml(case.to_toml()) == case
+    for faces, stiffness, words in (
+        ("", 300.0, "needs the faces"),
+        ("top, top", 300.0, "twice"),
+        ("top", 0.0, "shear moduli per size"),
+        ("top", math.nan, "stiffness"),
+    ):
+        with pytest.raises(PartError, match=words):
+            Walls(faces, stiffness)
+    with pytest.raises(CaseError, match="unknown entry 'face'"):
+        Case.from_toml(case.to_toml() + "\n[walls.other]\nface = 'top'\n")
+    with pytest.raises(PartError, match="no face 'lid'"):
+        System(body_of(disk), RUBBER, parts=[Walls("lid")])
