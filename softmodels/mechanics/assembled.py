@@ -27,8 +27,8 @@ Array = npt.NDArray[np.float64]
 
 def mark_symmetric(K: PETSc.Mat) -> None:
     """Let a matrix know that it is symmetric, whatever its values."""
-    K.setOption(K.Option.SYMMETRIC, True)
-    K.setOption(K.Option.SYMMETRY_ETERNAL, True)
+    K.setOption(K.Option.SYMMETRIC, True)  # type: ignore[arg-type]
+    K.setOption(K.Option.SYMMETRY_ETERNAL, True)  # type: ignore[arg-type]
 
 
 class AssembledTerm(Term):
