@@ -57,6 +57,7 @@ _PLACES = {
     "softmodels.results.store": ("ResultsError",),
     "softmodels.design.mould.settings": ("MouldError",),
     "softmodels.runs.moulding": ("mould",),
+    "softmodels.runs.exporting": ("export",),
     "softmodels.runs.run": ("Run",),
     "softmodels.runs.states": ("SolvedState",),
     "softmodels.runs.door": ("inflate", "run", "load", "limit"),
@@ -114,6 +115,7 @@ if TYPE_CHECKING:
     from softmodels.runs.door import limit as limit
     from softmodels.runs.door import load as load
     from softmodels.runs.door import run as run
+    from softmodels.runs.exporting import export as export
     from softmodels.runs.moulding import mould as mould
     from softmodels.runs.run import Run as Run
     from softmodels.runs.states import SolvedState as SolvedState

@@ -20,6 +20,7 @@ with stoppable("softmodels", speaks):
     from softmodels.cli.demo import demo
     from softmodels.cli.design import design
     from softmodels.cli.examples import examples
+    from softmodels.cli.export import command as export_command
     from softmodels.cli.fit_command import fit_material
     from softmodels.cli.score_command import score
     from softmodels.cli.silicone_command import silicones
@@ -36,6 +37,7 @@ def softmodels() -> None:
     softmodels limit --help             how much pressure a design can bear
     softmodels design problem.toml      the device that does best what is asked for, within its limits
     softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
+    softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio
     softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
@@ -60,6 +62,7 @@ def run_file(file: Path, **values: object) -> None:
 
 softmodels.add_command(limit_command.command)
 softmodels.add_command(mould_command.command)
+softmodels.add_command(export_command)
 
 
 @softmodels.command("draw")

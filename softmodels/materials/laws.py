@@ -43,6 +43,7 @@ class NeoHookean(Material):
 
     name: ClassVar[str] = "neo-hookean"
     linear: ClassVar[bool] = True
+    isochoric: ClassVar[bool] = False
     alternatives: ClassVar[Mapping[str, tuple[str, str]]] = {
         "young": ("Pa", "Young's modulus, in place of the shear modulus"),
         "c1": ("Pa", "the thesis' C1 = mu/2"),
@@ -64,6 +65,10 @@ class NeoHookean(Material):
         """Lame's first constant lambda in Pa: here the shape part resists a change of volume too."""
         nu = self.poisson
         return math.inf if nu == 0.5 else 2 * self.shear_modulus * nu / (1 - 2 * nu)
+
+    @property
+    def invariant_terms(self) -> Mapping[tuple[int, int], float]:
+        return {(1, 0): self.shear_modulus / 2}
 
     @classmethod
     def from_values(cls, values: Values, convention: str = "") -> NeoHookean:
@@ -112,6 +117,10 @@ class MooneyRivlin(Material):
     def shear_modulus_0(self) -> float:
         return 2 * (self.c10 + self.c01)
 
+    @property
+    def invariant_terms(self) -> Mapping[tuple[int, int], float]:
+        return {(1, 0): self.c10, (0, 1): self.c01}
+
     @classmethod
     def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
         return {"c10": 0.4 * modulus, "c01": 0.1 * modulus}
@@ -137,6 +146,10 @@ class Yeoh(Material):
     @property
     def shear_modulus_0(self) -> float:
         return 2 * self.c1
+
+    @property
+    def invariant_terms(self) -> Mapping[tuple[int, int], float]:
+        return {(1, 0): self.c1, (2, 0): self.c2, (3, 0): self.c3}
 
     @classmethod
     def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
@@ -186,6 +199,10 @@ class Ogden(Material):
     @property
     def shear_modulus_0(self) -> float:
         return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
+
+    @property
+    def stretch_terms(self) -> tuple[tuple[float, float], ...]:
+        return tuple(zip(self.mu, self.alpha, strict=True))
 
     @classmethod
     def parameter_bounds(cls, name: str, start: Mapping[str, float]) -> tuple[float, float]:

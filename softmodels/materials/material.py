@@ -70,6 +70,7 @@ class Material:
         usual_terms: Terms where nobody says how many.
         compared_terms: Numbers of terms that are compared where all laws are.
         alternatives: Numbers that stand in for parameters, see `from_values`: unit and help by name.
+        isochoric: Whether `shape` is of the isochoric strain alone.
         conventions: Ways in which the same parameters are written, the law's own first; empty where there is one alone.
         convention_help: What the conventions are.
     """
@@ -81,6 +82,7 @@ class Material:
     usual_terms: ClassVar[int] = 0
     compared_terms: ClassVar[tuple[int, ...]] = (0,)
     alternatives: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    isochoric: ClassVar[bool] = True
     conventions: ClassVar[tuple[str, ...]] = ()
     convention_help: ClassVar[str] = ""
 
@@ -138,6 +140,16 @@ class Material:
     def strain_limit(self) -> float:
         """I1 - 3 at which the energy ends (chains are taut); infinite where it does not."""
         return math.inf
+
+    @property
+    def invariant_terms(self) -> Mapping[tuple[int, int], float]:
+        """Factors in Pa of (I1_bar - 3)^i (I2_bar - 3)^j by (i, j), of a law that is their sum; empty for others."""
+        return {}
+
+    @property
+    def stretch_terms(self) -> tuple[tuple[float, float], ...]:
+        """Pairs (mu in Pa, alpha) of a law that is Ogden's sum over isochoric stretches, mu/alpha (...); empty for others."""
+        return ()
 
     # -- how it is written --------------------------------------------------------------------------------------------
 

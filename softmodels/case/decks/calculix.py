@@ -1,0 +1,92 @@
+"""A deck of CalculiX, which Abaqus reads too but for its solver's words. Lengths in mm, pressures in Pa, forces in uN.
+
+In metres the nodal forces are so small that CalculiX takes a residual for zero. C3D10 are displacements alone: hold it against
+``formulation = "displacement"``.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from typing import TextIO
+
+from softmodels.case.case import CaseError
+from softmodels.case.decks.deck import WRITTEN, Deck
+
+NO_TERM = 1e10
+"""D of a volumetric term that adds nothing: at 0 CalculiX puts in a value of its own."""
+PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"
+CLOSE = "*CONTROLS, PARAMETERS=FIELD\n1e-5, 1e-3, , , 1e-5, 1e-5, 1e-8, 1e-8\n"
+"""Limits on residual and correction in place of the default 0.5 % and 1 %."""
+
+
+def calculix(deck: Deck) -> str:
+    """The deck's text: one step for each requested pressure."""
+    out = io.StringIO()
+    for text in (WRITTEN, *deck.remarks):
+        out.write(f"** {text}\n")
+    _write_mesh(deck, out)
+    for node, component, factors in deck.tied:
+        out.write(f"*EQUATION\n{1 + len(factors)}\n{node + 1}, {component + 1}, -1.")
+        out.write("".join(f", {node + 1}, {i + 1}, {factor:.12e}" for i, factor in factors.items()) + "\n")
+    for component, nodes in deck.held.items():
+        out.write(_cards(f"*NSET, NSET=HELD{component + 1}", nodes))
+    out.write("*BOUNDARY\n")
+    for component in deck.held:
+        out.write(f"HELD{component + 1}, {component + 1}, {component + 1}\n")
+    out.write(f"*MATERIAL, NAME=SILICONE\n{_law(deck)}*SOLID SECTION, ELSET=SOLID, MATERIAL=SILICONE\n")
+    for pressure in deck.pressures:
+        out.write("*STEP, NLGEOM, INC=400\n*STATIC\n0.1, 1., 1e-4, 0.2\n" + PATIENT + CLOSE)
+        out.write(f"*DSLOAD\nCAVITY, P, {pressure:.12e}\n*NODE FILE\nU\n")
+        out.write("*NODE PRINT, NSET=PROBES, FREQUENCY=10000\nU\n*END STEP\n")
+    return out.getvalue()
+
+
+def _write_mesh(deck: Deck, out: TextIO) -> None:
+    import numpy as np
+
+    mesh = deck.mesh
+    out.write("*NODE, NSET=ALL\n")
+    for number, (x, y, z) in enumerate(1e3 * mesh.points, 1):
+        out.write(f"{number}, {x:.12e}, {y:.12e}, {z:.12e}\n")
+    for name, cells in mesh.regions.items():
+        out.write(f"*ELEMENT, TYPE=C3D10, ELSET={name.upper()}\n")
+        for cell in cells:
+            out.write(f"{cell + 1}, " + ", ".join(str(node + 1) for node in mesh.cells[cell]) + "\n")
+    if list(mesh.regions) != ["solid"]:
+        others = [name.upper() for name in mesh.regions if name != "solid"]
+        out.write("*ELSET, ELSET=SOLID\n" + "\n".join(others) + "\n")
+    for role, faces in mesh.faces.items():
+        out.write(f"*SURFACE, NAME={role.upper()}, TYPE=ELEMENT\n")
+        out.writelines(f"{cell + 1}, S{side + 1}\n" for cell, side in faces)
+    for role, nodes in mesh.nodes.items():
+        out.write(_cards(f"*NSET, NSET=ON_{role.upper()}", nodes))
+    probes = [int(np.linalg.norm(mesh.points - place, axis=1).argmin()) for place in deck.case.actuator.probes.values()]
+    out.write(_cards("*NSET, NSET=PROBES", probes))
+
+
+def _law(deck: Deck) -> str:
+    """CalculiX's words for the silicone; W of it is (1/D) (J - 1)^2 in the volume."""
+    terms, d1 = deck.invariant_terms, 2 / deck.bulk
+    if stretches := deck.case.material.stretch_terms:
+        factors = [value for mu, alpha in stretches for value in (mu * alpha / 2, alpha)]
+        values = [*factors, d1, *([NO_TERM] * (len(stretches) - 1))]
+        return f"*HYPERELASTIC, OGDEN, N={len(stretches)}\n" + _lines(values)
+    if set(terms) <= {(1, 0), (0, 1)}:
+        return "*HYPERELASTIC, MOONEY-RIVLIN\n" + _lines([terms.get((1, 0), 0.0), terms.get((0, 1), 0.0), d1])
+    if set(terms) <= {(1, 0), (2, 0), (3, 0)}:
+        return "*HYPERELASTIC, YEOH\n" + _lines([*(terms.get((i, 0), 0.0) for i in (1, 2, 3)), d1, NO_TERM, NO_TERM])
+    raise CaseError(f"{deck.case.material.name} has terms that CalculiX has no law for; write a .feb for FEBio")
+
+
+def _lines(values: list[float]) -> str:
+    """At most eight numbers in a line."""
+    return "".join(
+        ", ".join(f"{value:.12e}" for value in values[at : at + 8]) + "\n" for at in range(0, len(values), 8)
+    )
+
+
+def _cards(keyword: str, nodes: Iterable[int]) -> str:
+    """A set of nodes that count from 0; a line may hold at most 16."""
+    values = [str(int(node) + 1) for node in nodes]
+    return f"{keyword}\n" + "".join(", ".join(values[at : at + 12]) + "\n" for at in range(0, len(values), 12))

@@ -1,0 +1,123 @@
+"""A deck of FEBio (febio_spec 4.0). Lengths in mm, pressures in Pa, forces in uN.
+
+FEBio's "uncoupled" laws have the same isochoric energies; ``pressure_model`` 2 is K/2 (J - 1)^2 in the volume.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+from softmodels.case.case import CaseError
+from softmodels.case.decks.deck import WRITTEN, Deck
+
+Node = ElementTree.Element
+
+
+def febio(deck: Deck) -> str:
+    """The deck's text: time 1, 2, ... is at the requested pressures, in order."""
+    root = Node("febio_spec", version="4.0")
+    for text in (WRITTEN, *deck.remarks):
+        root.append(ElementTree.Comment(f" {text.replace('--', '- -')} "))
+    ElementTree.SubElement(root, "Module", type="solid")
+    _control(root, len(deck.pressures))
+    _material(root, deck)
+    _mesh(root, deck)
+    domains = ElementTree.SubElement(root, "MeshDomains")
+    for region in deck.mesh.regions:
+        ElementTree.SubElement(domains, "SolidDomain", name=region, mat="silicone")
+    _boundary(root, deck)
+    loads = ElementTree.SubElement(root, "Loads")
+    load = ElementTree.SubElement(loads, "surface_load", name="air", type="pressure", surface="cavity")
+    _text(load, "pressure", "1", lc="1")
+    _text(load, "symmetric_stiffness", "1")
+    data = ElementTree.SubElement(root, "LoadData")
+    curve = ElementTree.SubElement(data, "load_controller", id="1", name="pressure", type="loadcurve")
+    _text(curve, "interpolate", "LINEAR")
+    points = ElementTree.SubElement(curve, "points")
+    for time, pressure in enumerate((0.0, *deck.pressures)):
+        _text(points, "pt", f"{time},{pressure:.12e}")
+    output = ElementTree.SubElement(root, "Output")
+    plot = ElementTree.SubElement(output, "plotfile", type="febio")
+    ElementTree.SubElement(plot, "var", type="displacement")
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _text(parent: Node, tag: str, text: str, **attributes: str) -> None:
+    ElementTree.SubElement(parent, tag, attributes).text = text
+
+
+def _control(root: Node, steps: int) -> None:
+    control = ElementTree.SubElement(root, "Control")
+    _text(control, "analysis", "STATIC")
+    _text(control, "time_steps", str(20 * steps))
+    _text(control, "step_size", "0.05")
+    stepper = ElementTree.SubElement(control, "time_stepper", type="default")
+    for tag, text in (("max_retries", "20"), ("opt_iter", "15"), ("dtmin", "0.0005"), ("dtmax", "0.1")):
+        _text(stepper, tag, text)
+    solver = ElementTree.SubElement(control, "solver", type="solid")
+    _text(solver, "symmetric_stiffness", "symmetric")
+
+
+def _material(root: Node, deck: Deck) -> None:
+    law = deck.case.material
+    names: dict[str, float]
+    if law.stretch_terms:
+        kind, names = "Ogden", {}
+        for i, (mu, alpha) in enumerate(law.stretch_terms, 1):  # FEBio writes c/m^2 where this library has mu/alpha
+            names |= {f"c{i}": mu * alpha, f"m{i}": alpha}
+    elif set(terms := deck.invariant_terms) <= {(1, 0), (0, 1)}:
+        kind, names = "Mooney-Rivlin", {"c1": terms.get((1, 0), 0.0), "c2": terms.get((0, 1), 0.0)}
+    elif all(j == 0 and i <= 6 for i, j in terms):
+        kind, names = "Yeoh", {f"c{i}": value for (i, _), value in terms.items()}
+    else:
+        raise CaseError(f"{law.name} has terms that FEBio has no law for; take Mooney-Rivlin, Yeoh or Ogden")
+    materials = ElementTree.SubElement(root, "Material")
+    material = ElementTree.SubElement(materials, "material", id="1", name="silicone", type=kind)
+    _text(material, "density", "1")
+    _text(material, "k", f"{deck.bulk:.12e}")
+    _text(material, "pressure_model", "2")
+    for name, value in names.items():
+        _text(material, name, f"{value:.12e}")
+
+
+def _mesh(root: Node, deck: Deck) -> None:
+    arrays = deck.mesh
+    mesh = ElementTree.SubElement(root, "Mesh")
+    nodes = ElementTree.SubElement(mesh, "Nodes", name="all")
+    for number, (x, y, z) in enumerate(1e3 * arrays.points, 1):
+        _text(nodes, "node", f"{x:.12e},{y:.12e},{z:.12e}", id=str(number))
+    for region, cells in arrays.regions.items():
+        elements = ElementTree.SubElement(mesh, "Elements", type="tet10", name=region)
+        for cell in cells:
+            _text(elements, "elem", _listed(arrays.cells[cell]), id=str(cell + 1))
+    for component, held in deck.held.items():
+        _text(mesh, "NodeSet", _listed(held), name=f"held{component}")
+    for role in arrays.faces:
+        surface = ElementTree.SubElement(mesh, "Surface", name=role)
+        for number, triangle in enumerate(arrays.triangles(role), 1):
+            _text(surface, "tri6", _listed(triangle), id=str(number))
+
+
+def _boundary(root: Node, deck: Deck) -> None:
+    boundary = ElementTree.SubElement(root, "Boundary")
+    for component in deck.held:
+        condition = ElementTree.SubElement(
+            boundary, "bc", name=f"held{component}", type="zero displacement", node_set=f"held{component}"
+        )
+        for i, axis in enumerate("xyz"):
+            _text(condition, f"{axis}_dof", str(int(i == component)))
+    for node, component, factors in deck.tied:
+        condition = ElementTree.SubElement(boundary, "bc", type="linear constraint")
+        _text(condition, "node", str(node + 1))
+        _text(condition, "dof", "xyz"[component])
+        _text(condition, "offset", "0")
+        for i, factor in factors.items():
+            child = ElementTree.SubElement(condition, "child_dof")
+            _text(child, "node", str(node + 1))
+            _text(child, "dof", "xyz"[i])
+            _text(child, "value", f"{factor:.12e}")
+
+
+def _listed(nodes: object) -> str:
+    return ",".join(str(int(node) + 1) for node in nodes)  # type: ignore[attr-defined]

@@ -1,0 +1,50 @@
+"""``softmodels export``: a case for CalculiX or FEBio, so that another program can check this one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from geometries.errors import MeshingError
+from measurement.output_place import status_of
+from softmodels.case.errors import INPUT_ERRORS
+from softmodels.cli.options import fail
+from softmodels.mechanics.mpi import speaks
+from softmodels.results.outcomes import FAILED
+from softmodels.runs.exporting import export
+
+
+@click.command(name="export", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
+@click.option("--quiet", is_flag=True, help="Report errors alone.")
+def command(file: Path, output: Path, quiet: bool) -> None:
+    """Write the case FILE for another program: the same mesh, silicone, supports and pressures.
+
+    NAME.inp is for CalculiX (ccx NAME), NAME.feb for FEBio. Lengths in the deck are in mm, pressures in Pa. Cells have
+    displacements alone there: hold the answer against --formulation displacement.
+
+    \b
+    Examples:
+      softmodels export results/disk/case.toml -o disk.inp
+      softmodels export results/seminar/case.toml -o slab.feb
+
+    \b
+    Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
+    """
+    if not speaks():
+        return
+    try:
+        deck = export(file, output)
+    except INPUT_ERRORS as error:
+        fail(str(error))
+    except MeshingError as error:
+        fail(str(error), FAILED)
+    except OSError as error:
+        fail(f"{output} cannot be written ({error.strerror or error})", status_of(error))
+    if not quiet:
+        steps, mesh = len(deck.pressures), deck.mesh
+        click.echo(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
+        if not deck.case.material.isochoric:
+            click.echo(f"note: {deck.remarks[-1]}")

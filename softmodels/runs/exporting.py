@@ -1,0 +1,46 @@
+"""The call of a notebook for a deck: a case written for CalculiX or FEBio."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from softmodels.case.case import Case, CaseError
+from softmodels.case.decks.calculix import calculix
+from softmodels.case.decks.deck import WRITTEN, Deck, deck_of
+from softmodels.case.decks.febio import febio
+
+WRITERS = {".inp": calculix, ".feb": febio}
+"""Writers of decks by the ending of their files."""
+
+
+def export(case: Case | str | Path, file: str | Path) -> Deck:
+    """Write a case for another program: the same mesh, silicone, supports and pressures.
+
+    Args:
+        case: The case, or its file.
+        file: Where to: ``.inp`` for CalculiX, ``.feb`` for FEBio. An earlier deck is replaced, any other file is not.
+
+    Returns:
+        What was written.
+
+    Raises:
+        CaseError: A case that decks have no words for, another ending, or a file that is no deck.
+        MeshingError: The device cannot be meshed.
+        OSError: The file cannot be written.
+    """
+    whole, path = case if isinstance(case, Case) else Case.from_file(Path(case)), Path(file)
+    writer = WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise CaseError(
+            f"{path} ends in {path.suffix or 'nothing'}; decks are {' for CalculiX and '.join(WRITERS)} for FEBio"
+        )
+    if path.exists() and WRITTEN.encode() not in path.read_bytes()[:500]:
+        raise CaseError(f"{path} is there already and is no deck of this program; give another name")
+    with tempfile.TemporaryDirectory() as folder:
+        deck = deck_of(whole, whole.actuator.write(Path(folder) / "device.msh"))
+    text = writer(deck)
+    partial = path.with_name(f".{path.name}.part")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
+    return deck

@@ -1,0 +1,165 @@
+"""Decks for CalculiX and FEBio: read back, they hold the case's mesh, supports, silicone and pressures."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import softmodels as sm
+from geometries import ImportedMesh
+from softmodels.case.case import Case, CaseError
+from softmodels.case.decks.deck import _solved
+from softmodels.materials.strain import HomogeneousStrain
+
+DISK = sm.HollowDisk(fillet=0.0, cell_size=0.006, support="base")
+LAW = sm.Yeoh(14e3, 60.0, 0.5, 0.49)
+CASE = Case("disk", DISK, LAW, pressures_cm=(0.0, 40.0, 80.0))
+
+
+@pytest.fixture(scope="module")
+def decks(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("decks")
+    for name in ("disk.inp", "disk.feb"):
+        deck = sm.export(CASE, folder / name)
+    return folder, deck
+
+
+def test_the_mesh_comes_back(decks):
+    """Read as a foreign mesh by its names, the deck encloses the same air and has the same cut planes."""
+    folder, deck = decks
+    back = ImportedMesh(
+        file=str(folder / "disk.inp"), cavities=("named ON_CAVITY",), support="named ON_SUPPORT",
+        planes=("named ON_PLANE0", "named ON_PLANE1"),
+    )  # fmt: skip
+    assert len(back.mesh.cells) == len(deck.mesh.cells)
+    assert back.copies == DISK.copies == 8
+    # Edges of the cells' curved sides lie in the plane in both; the volumes differ from the closed form by the mesh.
+    assert back.cavity_volume == pytest.approx(DISK.cavity_volume, rel=0.02)
+    assert [plane.normal for plane in back.cut_planes] == [
+        pytest.approx(plane.normal, abs=1e-6) for plane in DISK.cut_planes
+    ]
+
+
+def test_pressures_and_silicone(decks):
+    folder, _ = decks
+    inp = (folder / "disk.inp").read_text()
+    feb = ElementTree.parse(folder / "disk.feb").getroot()
+    pressures = [float(value) for value in re.findall(r"CAVITY, P, (\S+)", inp)]
+    assert pressures == pytest.approx(CASE.goals[1:], rel=1e-12)
+    times = [pt.text.split(",") for pt in feb.iter("pt")]
+    assert [float(value) for _, value in times] == pytest.approx([0.0, *pressures], rel=1e-12)
+    c1, c2, c3, d1, d2, d3 = map(float, re.search(r"YEOH\n(.+)", inp)[1].split(","))
+    assert (c1, c2, c3) == pytest.approx((14e3, 60.0, 0.5), rel=1e-12) and d2 == d3 == 1e10
+    assert 2 / d1 == pytest.approx(LAW.bulk, rel=1e-12)
+    material = feb.find("Material/material")
+    assert material.get("type") == "Yeoh" and material.find("pressure_model").text == "2"
+    assert float(material.find("k").text) == pytest.approx(LAW.bulk, rel=1e-12)
+    assert [float(material.find(f"c{i}").text) for i in (1, 2, 3)] == pytest.approx((14e3, 60.0, 0.5), rel=1e-12)
+
+
+def test_febio_has_the_same_mesh(decks):
+    folder, deck = decks
+    mesh = ElementTree.parse(folder / "disk.feb").getroot().find("Mesh")
+    places = np.array([[float(x) for x in node.text.split(",")] for node in mesh.find("Nodes")])
+    assert places == pytest.approx(1e3 * deck.mesh.points, abs=1e-9)
+    cells = np.array([[int(i) for i in cell.text.split(",")] for cell in mesh.find("Elements")]) - 1
+    assert (cells == deck.mesh.cells).all()
+    # The pressure pushes into the solid, against the faces' normals: these point into the air, so they enclose -V.
+    wall = next(one for one in mesh.iter("Surface") if one.get("name") == "cavity")
+    a, b, c = np.moveaxis(places[np.array([[int(i) for i in face.text.split(",")[:3]] for face in wall]) - 1], 1, 0)
+    enclosed = -np.einsum("ij,ij->", a, np.cross(b, c)) / 6 * 8e-9
+    assert enclosed == pytest.approx(DISK.cavity_volume, rel=0.1)  # of the flat triangles
+
+
+def test_supports_hold_what_the_device_holds(decks):
+    """Every node on a cut plane or support may move only as the roles allow: by the projections that they leave."""
+    _, deck = decks
+    planes = {plane.name: np.array(plane.normal) for plane in DISK.cut_planes}
+    planes |= {hold.role: np.array(hold.direction) for hold in DISK.holds if hold.direction is not None}
+    glued = [hold.role for hold in DISK.holds if hold.direction is None]
+    tied = {(node, component): factors for node, component, factors in deck.tied}
+    held = {(int(node), component) for component, nodes in deck.held.items() for node in nodes}
+    assert tied and held and not set(tied) & held
+    random = np.random.default_rng(1)
+    for node in np.unique(np.concatenate([deck.mesh.nodes[role] for role in (*planes, *glued)])):
+        u = random.normal(size=3)
+        for component in range(3):
+            if (node, component) in held:
+                u[component] = 0.0
+        for component in range(3):
+            if (node, component) in tied:
+                u[component] = sum(factor * u[i] for i, factor in tied[node, component].items())
+        for role, normal in planes.items():
+            if node in deck.mesh.nodes[role]:
+                assert abs(u @ normal) < 1e-9
+        for role in glued:
+            assert node not in deck.mesh.nodes[role] or np.abs(u).max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_reduced_directions_span_the_held_ones(seed):
+    rows = np.random.default_rng(seed).normal(size=(seed % 3 + 1, 3))
+    found = _solved(rows)
+    assert len(found) == len(rows)
+    made = np.array([[1.0 if i == c else -f.get(i, 0.0) for i in range(3)] for c, f in found])
+    assert np.linalg.matrix_rank(np.vstack([rows, made]), tol=1e-9) == len(rows)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [sm.MooneyRivlin(10e3, 2e3), LAW, sm.Ogden((20e3, -3e3), (1.5, -3.0))],
+    ids=["mooney-rivlin", "yeoh", "ogden"],
+)
+def test_a_laws_terms_are_its_energy(law):
+    strain = HomogeneousStrain((1.7, 1.1, 1 / (1.7 * 1.1)))
+    energy = sum(f * (strain.I1_bar - 3) ** i * (strain.I2_bar - 3) ** j for (i, j), f in law.invariant_terms.items())
+    energy += sum(mu / a * (sum(s**a for s in strain.stretches_bar) - 3) for mu, a in law.stretch_terms)
+    assert energy == pytest.approx(law.shape(strain, law), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"actuator": sm.HollowDisk(section="axisymmetric")}, "axisymmetric section"),
+        ({"pressures_cm": (), "volumes_ml": (1.0,)}, "asks for added volumes"),
+        ({"pressures_cm": (0.0,)}, "a deck has pressures"),
+        ({"cycle": True}, "no cycle"),
+        ({"material": sm.Gent(28e3, 30.0)}, "neither CalculiX nor FEBio"),
+        ({"material": sm.Yeoh(14e3, 60.0, 0.5, 0.5)}, "incompressible"),
+        ({"sheet": sm.Sheet("top", 1e3)}, "a sheet"),
+        ({"obstacle": sm.Obstacle("top", "z = 30 mm")}, "contact"),
+    ],
+)
+def test_what_decks_have_no_words_for(tmp_path, changes, words):
+    with pytest.raises(CaseError, match=words):
+        sm.export(dataclasses.replace(CASE, **changes), tmp_path / "disk.inp")
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_that_are_no_decks_stay(tmp_path):
+    (tmp_path / "mine.inp").write_text("*NODE\n")
+    for name, words in (("mine.inp", "is no deck"), ("disk.txt", r"ends in \.txt")):
+        with pytest.raises(CaseError, match=words):
+            sm.export(CASE, tmp_path / name)
+    assert (tmp_path / "mine.inp").read_text() == "*NODE\n"
+
+
+def test_the_command(tmp_path):
+    (tmp_path / "case.toml").write_text(CASE.to_toml())
+
+    def export(*arguments):
+        command = [sys.executable, "-m", "softmodels", "export", *arguments]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+
+    done = export("case.toml", "-o", "disk.feb")
+    assert done.returncode == 0 and re.search(r"disk\.feb: \d+ cells, \d+ nodes, 2 pressures", done.stdout)
+    assert export("case.toml", "-o", "disk.feb", "--quiet").stdout == ""
+    wrong = export("case.toml", "-o", "nowhere/disk.feb")
+    assert wrong.returncode == 2 and "cannot be written" in wrong.stderr and "Traceback" not in wrong.stderr
+    assert export("none.toml", "-o", "x.inp").returncode == 2
