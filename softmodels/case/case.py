@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +19,7 @@ from softmodels.case.entries import MISSING, Entry, Part, SeriesKind, Supply, Ta
 from softmodels.case.errors import PART_ERRORS, CaseError
 from softmodels.case.gauges import Gauges
 from softmodels.case.load import STIFFNESS_RANGE, Load
+from softmodels.case.material_check import check_materials
 from softmodels.case.material_table import DEFAULT
 from softmodels.case.parts_entry import Parts, PartsEntry, check_parts
 from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntry, NameEntry, ProgramEntry
@@ -34,8 +34,6 @@ __all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
 FORMULATIONS = ("mixed", "displacement")
-MODULI = (500.0, 5e6)
-"""Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
 
 
 class _Shown(TypedDict, total=False):
@@ -134,29 +132,11 @@ class Case:
             self.gauges.check(self.actuator)
             object.__setattr__(self, "parts", tuple(self.parts))
             check_parts(self.parts, self.actuator)
-            self._check_material()
+            check_materials(self.material, self.parts, self.formulation)
             self.load.check_size(self.material.shear_modulus_0, self.actuator.cavity_volume)
             check_rest(self.material)
         except PART_ERRORS as error:
             raise CaseError(str(error)) from None
-
-    def _check_material(self) -> None:
-        """Refuse a material that the formulation cannot take, or whose numbers are of another unit."""
-        if self.formulation == "displacement" and math.isinf(self.material.bulk):
-            raise CaseError(
-                "poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed, or --poisson 0.49"
-            )
-        if self.formulation == "mixed" and self.material.bulk <= 0.0:
-            raise CaseError(
-                f"poisson = {self.material.poisson:g} leaves {self.material.name} no stiffness of volume, which the mixed "
-                "formulation divides by; use --formulation displacement"
-            )
-        mu = self.material.shear_modulus_0
-        if not MODULI[0] <= mu <= MODULI[1]:
-            raise CaseError(
-                f"the material's shear modulus is {mu:.4g} Pa; silicones have 5 to 500 kPa, so check the units of its "
-                f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are taken)"
-            )
 
     # -- the load -----------------------------------------------------------------------------------------------------
 

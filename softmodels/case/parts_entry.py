@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from geometries import Actuator, codec
+from geometries import Actuator
 from geometries.errors import FieldError
 from geometries.kinds import Text
+from softmodels.case import region as _region  # noqa: F401 - registers itself
 from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, table_of
 from softmodels.mechanics.parts import PARTS, Part, PartError
 from softmodels.mechanics.rigid_shapes import RigidShape
@@ -35,7 +35,7 @@ class PartsEntry(Entry[Parts]):
         written: dict[str, dict[str, object]] = {}
         for part in value:
             table = written.setdefault(part.table, {})
-            (table.setdefault(part.name, {}) if part.name else table).update(codec.to_table(part, text))  # type: ignore[attr-defined]
+            (table.setdefault(part.name, {}) if part.name else table).update(part.write_table(text))  # type: ignore[attr-defined]
         return written
 
 
@@ -46,21 +46,12 @@ def _of_table(kind: type[Part], tables: Tables) -> list[Part]:
         return [_made(kind, name, table_of(table, name)) for name in table]
     named = [isinstance(value, Mapping) for value in table.values()]
     if not any(named):
-        return [_made(kind, "", table)]
+        return [kind.read_table("", table)]
     if not all(named):
         raise FieldError(
             f"[{kind.table}] has entries beside [{kind.table}.name] tables; put each {kind.table} in a table with a name"
         )
-    return [_made(kind, name, table_of(table, name)) for name in table]
-
-
-def _made(kind: type[Part], name: str, table: Mapping[str, object]) -> Part:
-    where = f"[{kind.table}.{name}]" if name else f"[{kind.table}]"
-    values = codec.from_table(kind, table, where, f"{kind.table} ")
-    required = [field.name for field in dataclasses.fields(kind) if field.default is dataclasses.MISSING]
-    if missing := [field for field in required if field not in values]:
-        raise FieldError(kind.needs or f"{where} needs {' and '.join(missing)}")
-    return kind(**values, name=name)
+    return [kind.read_table(name, table_of(table, name)) for name in table]
 
 
 def check_parts(parts: Sequence[Part], actuator: Actuator) -> None:

@@ -53,6 +53,7 @@ class Body:
         cavity: Facet tags on the cavities' walls: `CAVITY` on the first one's, numbers after `SHEET` on others'.
         entities: Local mesh entities by role: name to (dimension, indices).
         skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
+        regions: Local cells by the name of their physical group, ghosts too.
     """
 
     actuator: Actuator
@@ -60,6 +61,7 @@ class Body:
     cavity: mesh.MeshTags
     entities: dict[str, tuple[int, npt.NDArray[np.int32]]]
     skew: npt.NDArray[np.float64]
+    regions: dict[str, npt.NDArray[np.int32]] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         # Made with the body: a form's constants count in the order they were made, and another order is another form.
@@ -88,9 +90,10 @@ class Body:
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim
         by_dimension = {tdim - 1: data.facet_tags, tdim - 2: data.ridge_tags, tdim - 3: data.peak_tags}
-        entities = {}
+        entities, regions = {}, {}
         for name, group in data.physical_groups.items():
             if group.dim == tdim:
+                regions[name] = data.cell_tags.find(group.tag)
                 continue
             found = by_dimension[group.dim]
             entities[name] = (group.dim, found.find(group.tag))
@@ -104,7 +107,7 @@ class Body:
         facets = np.concatenate([*walls, np.empty(0, dtype=np.int32)])  # a beam has no cavity
         order = np.argsort(facets)
         cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
-        return cls(actuator, data.mesh, cavity, entities, _skew(actuator))
+        return cls(actuator, data.mesh, cavity, entities, _skew(actuator), regions)
 
     @property
     def axisymmetric(self) -> bool:

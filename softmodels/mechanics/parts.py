@@ -25,8 +25,10 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from geometries import Actuator
-from geometries.fields import settle
+from geometries import Actuator, codec
+from geometries.errors import FieldError
+from geometries.fields import about, settle
+from geometries.kinds import Text
 from measurement.wording import Spoken
 
 if TYPE_CHECKING:
@@ -78,6 +80,25 @@ class Part(abc.ABC):
 
     def check_on(self, actuator: Actuator) -> None:  # noqa: B027
         """Raise `PartError` where it cannot be on a device; the mesh is not made yet."""
+
+    @classmethod
+    def read_table(cls, name: str, table: Mapping[str, object]) -> Part:
+        """The part of a table of a case file; `FieldError` or the part's own error for what is none."""
+        where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
+        values = codec.from_table(cls, table, where, f"{cls.table} ")
+        required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
+        if missing := [field for field in required if field not in values]:
+            raise FieldError(cls.needs or f"{where} needs {' and '.join(missing)}")
+        return cls(**values, name=name)
+
+    def write_table(self, text: Text) -> dict[str, object]:
+        """Its table in a case file, without its name."""
+        return codec.to_table(self, text)
+
+    @property
+    def explained(self) -> Mapping[str, str]:
+        """What the entries of its table are."""
+        return {field.key or name: field.help for name, field in about(self).items()}
 
     @property
     def label(self) -> str:

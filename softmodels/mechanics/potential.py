@@ -2,6 +2,7 @@
 
 Pi(u, p; P) = int shape(F) + p (J - 1) - p^2 / (2 bulk) dX - P V(u)
 
+Regions in other materials (`mechanics.regions`) have integrals of their own, and p jumps between them (`region_space`).
 A bonded sheet, a plane that stops faces and further parts (`mechanics.parts`) are further terms. With several cavities V is
 a sum of theirs, and others' pressures work on their own volumes (`mechanics.coupling`). Residual and tangent are its
 derivatives, so the follower pressure's stiffness and the symmetry come along. Lengths are in sizes of the device and stresses
@@ -10,7 +11,6 @@ in shear moduli.
 
 from __future__ import annotations
 
-import dataclasses
 import types
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -24,20 +24,22 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.contact import Contact, Obstacle
 from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.parts import EnergyPart, Part, Setting
+from softmodels.mechanics.region_space import jumping
+from softmodels.mechanics.regions import Regions, constants
 from softmodels.mechanics.sheet import Sheet, membrane_energy, membrane_stress, membrane_tangent, surface_metric
 
 if TYPE_CHECKING:
     import ufl
-    from dolfinx import fem, mesh
+    from dolfinx import fem
     from ufl.core.expr import Expr
 
 
 class Potential:
-    """Pi of a body of one material, with the functions and constants in it: other values of these compile nothing.
+    """Pi of a body, with the functions and constants in it: other values of these compile nothing.
 
     Args:
         body: Mesh and roles.
-        material: Law and parameters.
+        material: Law and parameters of all but its regions in other materials.
         mixed: Whether p is an unknown, or displacements alone.
         sheet: A thin sheet bonded to one of the body's faces.
         obstacle: A rigid plane that stops some of the faces.
@@ -50,6 +52,10 @@ class Potential:
         parameters: The law's parameters by name, those that are stresses in shear moduli.
         per_pascal: One pascal in shear moduli.
         bulk: Bulk modulus; its inverse if mixed: that may vanish, the bulk may not be infinite.
+        regions: Where it is, then the regions in other materials; `stored` begins with an integral for each.
+        region_numbers: Number in ``regions`` of each local cell; None where there is one alone.
+        pressure_dofs: If mixed, the unknown p at the corners of each local cell, one for each region, shape
+            (cells, corners, regions), -1 where a region does not reach.
         volumes, loads: Each cavity's volume, and its derivative by w.
         cavity_volume: What P works on.
         energies: Terms of the stored energy.
@@ -72,23 +78,31 @@ class Potential:
         from dolfinx import fem
 
         # The order in which functions and constants are made is part of a form's name in the cache of compiled ones.
-        self.body, self.mixed, self.sheet, self._law = body, mixed, sheet, material
+        self.body, self.mixed, self.sheet = body, mixed, sheet
+        regions = Regions(body, material, parts)
         mesh, cell = body.mesh, body.mesh.basix_cell()
         vector = basix.ufl.element("P", cell, 2, shape=(mesh.geometry.dim,))
         element = basix.ufl.mixed_element([vector, basix.ufl.element("P", cell, 1)]) if mixed else vector
         self.space = fem.functionspace(mesh, element)
+        self.region_numbers = regions.numbers
+        if mixed and regions.numbers is not None:
+            self.space, self.pressure_dofs = jumping(self.space, 1, regions.numbers)
+        elif mixed:
+            self.pressure_dofs = np.array(self.space.sub(1).dofmap.list)[:, :, None]
         self.w = fem.Function(self.space)
         self._test = ufl.TestFunction(self.space)
         self.displacement = self._vector_part(self.w)
         self.P = fem.Constant(mesh, 0.0)
-        self.parameters = _constants(mesh, material)
+        self.parameters = constants(mesh, material)
         self.sheet_stiffness = fem.Constant(mesh, 0.0)
         self.bulk = fem.Constant(mesh, 0.0)
         self.volumes = body.volumes(self.displacement)
         self.loads = [ufl.derivative(volume, self.w, self._test) for volume in self.volumes]
         pressures = self._pressures()
         self.direction = fem.Function(self.space)
-        self.energies = self.stored(self.density(self.parameters, self.bulk), self.sheet_stiffness)
+        self.regions = (regions.main(self.parameters, self.bulk), *regions.others())
+        densities = [self.density(region.material, region.parameters, region.bulk) for region in self.regions]
+        self.energies = self.stored(densities, self.sheet_stiffness)
         self.contact = None if obstacle is None else Contact(obstacle, body, self.displacement)
         if self.contact is not None:
             self.energies += self.contact.energies
@@ -121,25 +135,26 @@ class Potential:
             (share * self.P + rest) * load for (share, rest), load in zip(self._cavity_loads, self.loads, strict=True)
         )
 
-    def density(self, parameters: types.SimpleNamespace, bulk: Expr) -> Expr:
-        """Energy per reference volume, of anything that carries the law's parameters by name."""
+    def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr) -> Expr:
+        """A law's energy per reference volume, of anything that carries its parameters by name."""
         import ufl
 
         strain = Strain(self.body.deformation_gradient(self.displacement))
-        shape = self._law.shape(strain, parameters)
+        shape = law.shape(strain, parameters)
         if not self.mixed:
             return shape + bulk / 2 * (strain.J - 1) ** 2
         p = ufl.split(self.w)[1]
         return shape + p * (strain.J - 1) - bulk / 2 * p**2
 
-    def stored(self, density: Expr, stiffness: Expr) -> list[ufl.Form]:
-        """Integrals of an energy density over the body and, if one is bonded, of a sheet of this stiffness."""
-        inside = density * self.body.hoop * self.body.measures()[0]
+    def stored(self, densities: Sequence[Expr], stiffness: Expr) -> list[ufl.Form]:
+        """Integrals of energy densities over the body's regions and, if one is bonded, of a sheet of this stiffness."""
+        regions = zip(densities, self.regions, strict=True)
+        inside = [density * self.body.hoop * region.dx for density, region in regions]
         if self.sheet is None:
-            return [inside]
+            return inside
         on_face, normal = self.body.sheet_face(self.sheet.face)
         membrane = membrane_energy(self.body.deformation_gradient(self.displacement), normal)
-        return [inside, stiffness * membrane * self.body.hoop * on_face]
+        return [*inside, stiffness * membrane * self.body.hoop * on_face]
 
     def tangent(self, trial: Expr) -> list[ufl.Form]:
         """Derivatives of the forces along a trial function, one for each; that of a sheet with its stress foreseen."""
@@ -153,7 +168,7 @@ class Potential:
             stress = membrane_stress(known)
             foreseen = stress + ufl.derivative(stress, self._known, self._move)
             density = membrane_tangent(C, self.w, foreseen, self._test, trial)
-            found[1] = self.sheet_stiffness * density * self.body.hoop * on_face
+            found[len(self.regions)] = self.sheet_stiffness * density * self.body.hoop * on_face
         return found
 
     def admits(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
@@ -165,13 +180,11 @@ class Potential:
     def set_material(self, material: Material, length_unit: float) -> None:
         """Take other values of the same law."""
         mu = material.shear_modulus_0
-        for field in dataclasses.fields(material):
-            value = np.asarray(getattr(material, field.name), dtype=float)
-            getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
+        for region in self.regions:
+            region.take(region.material if region.name else material, mu, self.mixed)
         if self.sheet is not None:
             self.sheet_stiffness.value = self.sheet.stiffness / (mu * length_unit)
         self.per_pascal.value = 1 / mu
-        self.bulk.value = mu / material.bulk if self.mixed else material.bulk / mu
 
     def set_pressures(self, P: float, coupling: Coupling, pressures: npt.NDArray[np.float64]) -> None:
         """Take the pressure P, and those of the cavities that a coupling makes of it."""
@@ -198,15 +211,3 @@ class Potential:
             here = self.w.x.array
             self._known.x.array[:] = known[: len(here)]
             self._move.x.array[:] = here - known[: len(here)] if ahead else 0.0
-
-
-def _constants(mesh: mesh.Mesh, material: Material) -> types.SimpleNamespace:
-    """UFL constants under the material's parameter names."""
-    from dolfinx import fem
-
-    return types.SimpleNamespace(
-        **{
-            field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
-            for field in dataclasses.fields(material)
-        }
-    )

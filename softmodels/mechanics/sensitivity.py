@@ -25,6 +25,7 @@ from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.morphing import Reshaping
+from softmodels.mechanics.regions import MaterialRegion
 from softmodels.mechanics.solver import Solver, Tangent
 from softmodels.mechanics.system import State, System
 
@@ -50,7 +51,10 @@ class Rate:
 
 
 def known_parameters(material: Material) -> tuple[str, ...]:
-    """Names a state can be differentiated by: the law's numbers (``c1``; ``mu1``, ``alpha1`` ...) and ``poisson``."""
+    """Names a state can be differentiated by: the law's numbers (``c1``; ``mu1``, ``alpha1`` ...) and ``poisson``.
+
+    The numbers of a region in another material have its name in front: ``base.c1``.
+    """
     return (*material.parameters, "poisson")
 
 
@@ -67,7 +71,8 @@ class Sensitivity:
 
         self.solver, eq = solver, solver.system
         self._along = _Directions(eq)
-        self._material = eq.form(ufl.derivative(self._along.energy, eq.w, ufl.TestFunction(eq.space)))
+        test = ufl.TestFunction(eq.space)
+        self._material = [eq.form(ufl.derivative(energy, eq.w, test)) for energy in self._along.energies]
         X = ufl.SpatialCoordinate(eq.body.mesh)
         self._lengths = {}
         for name, velocity in (reshaping.velocities if reshaping else {}).items():
@@ -105,7 +110,7 @@ class Sensitivity:
             modulus' derivative.
         """
         dmu = self._along.turn(self.solver.system.material, name)
-        return self.solver.system.assemble([self._material]), dmu
+        return self.solver.system.assemble(self._material), dmu
 
     def _rate(self, state: State, control: Control, name: str) -> Rate:
         eq = self.solver.system
@@ -124,48 +129,73 @@ class Sensitivity:
 
 
 class _Directions:
-    """The stored energy's derivative along a direction in the space of the law's dimensionless constants."""
+    """The stored energy's derivative along a direction in the space of the laws' dimensionless constants.
+
+    Attributes:
+        energies: UFL integrals, that of the main material first.
+    """
 
     def __init__(self, eq: System):
         import ufl
         from dolfinx import fem
 
         mesh = eq.body.mesh
-        names = [field.name for field in dataclasses.fields(eq.material) if field.name != "poisson"]
-        constants = {name: getattr(eq.potential.parameters, name) for name in names}
-        variables = {name: ufl.variable(constant) for name, constant in constants.items()}
-        bulk = ufl.variable(eq.potential.bulk)
-        self.mixed = eq.mixed
-        self.turns = {name: fem.Constant(mesh, np.zeros_like(constant.value)) for name, constant in constants.items()}
-        self.bulk = fem.Constant(mesh, 0.0)
-        density = eq.potential.density(types.SimpleNamespace(**variables), bulk)
-        slope = ufl.diff(density, bulk) * self.bulk
-        for name, variable in variables.items():
-            slope += ufl.inner(ufl.diff(density, variable), self.turns[name])
-        self.sheet, self.stiffness = eq.sheet, fem.Constant(mesh, 0.0)
+        self.laws = [_LawDirection(eq, region) for region in eq.potential.regions]
+        self.mixed, self.sheet, self.stiffness = eq.mixed, eq.sheet, fem.Constant(mesh, 0.0)
         self.length = eq.length_unit
-        energies = eq.potential.stored(slope, self.stiffness)
-        self.energy = sum(energies[1:], energies[0])
+        self.energies = eq.potential.stored([law.slope for law in self.laws], self.stiffness)
         # Parts keep their stiffness in Pa, which in shear moduli falls; their energies are linear in one Pa's share.
         self.per_pascal = fem.Constant(mesh, 0.0)
         for term in eq.potential.terms.values():
             for energy in term.energies:
                 if eq.potential.per_pascal in energy.constants():
-                    self.energy += ufl.replace(energy, {eq.potential.per_pascal: self.per_pascal})
+                    self.energies.append(ufl.replace(energy, {eq.potential.per_pascal: self.per_pascal}))
 
     def turn(self, material: Material, name: str) -> float:
-        """Point the direction along one parameter of the law; returns the shear modulus' derivative by it."""
-        moved = nudged(material, name, 1j * _STEP)
+        """Point the direction along one parameter of a law; returns the main shear modulus' derivative by it.
+
+        Args:
+            material: The main material.
+            name: Of its numbers; of a region's with the region's name in front, as in ``base.c1``.
+        """
+        where, _, number = name.rpartition(".")
+        moved = material if where else nudged(material, number, 1j * _STEP)
         mu = complex(moved.shear_modulus_0)
-        for field, constant in self.turns.items():
-            value = np.asarray(getattr(moved, field), dtype=complex)
-            unit = type(material).__dataclass_fields__[field].metadata["unit"]
-            constant.value = np.imag(value / mu if unit == "Pa" else value) / _STEP
-        bulk = moved.bulk
-        stiff = isinstance(bulk, float) and math.isinf(bulk)
-        ratio = (0.0 if stiff else mu / bulk) if self.mixed else bulk / mu
-        self.bulk.value = np.imag(ratio) / _STEP
+        for law in self.laws:
+            own = law.region.material if law.region.name else moved
+            law.turn(nudged(own, number, 1j * _STEP) if where and law.region.name == where else own, mu, self.mixed)
         if self.sheet is not None:  # it keeps its stiffness, which in shear moduli falls
             self.stiffness.value = np.imag(self.sheet.stiffness / (mu * self.length)) / _STEP
         self.per_pascal.value = np.imag(1 / mu) / _STEP
         return mu.imag / _STEP
+
+
+class _LawDirection:
+    """One region's share of `_Directions`: a direction in the space of its law's constants, and the density's slope."""
+
+    def __init__(self, eq: System, region: MaterialRegion):
+        import ufl
+        from dolfinx import fem
+
+        self.region, mesh = region, eq.body.mesh
+        names = [field.name for field in dataclasses.fields(region.material) if field.name != "poisson"]
+        constants = {name: getattr(region.parameters, name) for name in names}
+        variables = {name: ufl.variable(constant) for name, constant in constants.items()}
+        bulk = ufl.variable(region.bulk)
+        self.turns = {name: fem.Constant(mesh, np.zeros_like(constant.value)) for name, constant in constants.items()}
+        self.bulk = fem.Constant(mesh, 0.0)
+        density = eq.potential.density(region.material, types.SimpleNamespace(**variables), bulk)
+        self.slope = ufl.diff(density, bulk) * self.bulk
+        for name, variable in variables.items():
+            self.slope += ufl.inner(ufl.diff(density, variable), self.turns[name])
+
+    def turn(self, moved: Material, mu: complex, mixed: bool) -> None:
+        """Point it along the imaginary part of what the constants of a nudged material are, in complex shear moduli."""
+        for field, constant in self.turns.items():
+            value = np.asarray(getattr(moved, field), dtype=complex)
+            unit = type(moved).__dataclass_fields__[field].metadata["unit"]
+            constant.value = np.imag(value / mu if unit == "Pa" else value) / _STEP
+        bulk = moved.bulk
+        stiff = isinstance(bulk, float) and math.isinf(bulk)
+        ratio = (0.0 if stiff else mu / bulk) if mixed else bulk / mu
+        self.bulk.value = np.imag(ratio) / _STEP

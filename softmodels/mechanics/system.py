@@ -24,6 +24,8 @@ from softmodels.mechanics.dead_loads import DeadLoads
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
+from softmodels.mechanics.region_space import matrix_of
+from softmodels.mechanics.regions import MaterialRegion, RegionPart
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -56,11 +58,11 @@ class State:
 
 
 class System:
-    """The discrete equations of a body of one material.
+    """The discrete equations of a body.
 
     Args:
         body: Mesh and roles.
-        material: Law and parameters.
+        material: Law and parameters; regions among ``parts`` have their own.
         formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
         sheet: A thin sheet bonded to one of the body's faces.
         obstacle: A rigid plane that stops some of the faces.
@@ -93,11 +95,11 @@ class System:
         parts: Sequence[Part] = (),
     ):
         from dolfinx import fem
-        from dolfinx.fem import petsc as fem_petsc
 
         if formulation not in FORMULATIONS:
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
-        if formulation != "mixed" and math.isinf(material.bulk):
+        others = [part.material for part in parts if isinstance(part, RegionPart)]
+        if formulation != "mixed" and any(math.isinf(one.bulk) for one in (material, *others)):
             raise MaterialError("poisson = 0.5 needs the mixed formulation: displacements alone would lock")
         self.body, self.formulation, self.sheet, self.comm = body, formulation, sheet, body.mesh.comm
         self.mixed = formulation == "mixed"
@@ -109,7 +111,7 @@ class System:
         held = body.held(self.vectors)
         self.bcs = [fem.dirichletbc(np.array(0.0), dofs, self.vectors.sub(i)) for i, dofs in held]
         self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
-        self.K: PETSc.Mat = fem_petsc.create_matrix(self._tangent[0])  # facets couple no others than their cells do
+        self.K: PETSc.Mat = matrix_of(self.space, self._tangent[: len(self.potential.regions)])
         mark_symmetric(self.K)
         self._vector = fem.Function(self.space)
         self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
@@ -154,6 +156,11 @@ class System:
     def vectors(self) -> fem.FunctionSpace:
         """The displacement's part of the function space."""
         return self.space.sub(0) if self.mixed else self.space
+
+    @property
+    def materials(self) -> list[tuple[MaterialRegion, Material]]:
+        """Every region with its present material, the main one first."""
+        return [(region, region.material if region.name else self.material) for region in self.potential.regions]
 
     def set_material(self, material: Material) -> None:
         """Take other values of the same law; nothing is compiled again."""
@@ -284,7 +291,8 @@ class System:
         self.K.zeroEntries()
         for form in self._tangent:
             fem_petsc.assemble_matrix(self.K, form, bcs=self.bcs)
-            self.K.assemble()  # between the forms too: held dofs' diagonal is put in, the rest is added up
+            self.K.assemble(self.K.AssemblyType.FLUSH)  # held dofs' diagonal is put in, the rest is added up
+        self.K.assemble()
         self.assembled.add_to(self.K, self.w.x.array)
 
     def tangent_product(self, x: Array, y: Array) -> None:

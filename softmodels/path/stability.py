@@ -24,6 +24,7 @@ import numpy.typing as npt
 import scipy.linalg
 
 from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.region_space import entries_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.lanczos import grown, lowest
@@ -87,8 +88,7 @@ class Stability:
         self.unknowns = eq.K.getSize()[0]
         self.constraints = 0
         if eq.mixed:
-            collapsed, _ = eq.space.sub(1).collapse()
-            self.constraints = collapsed.dofmap.index_map.size_global
+            self.constraints = entries_of(eq.space, 1)
         self.start()
 
     @classmethod

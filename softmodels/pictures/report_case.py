@@ -64,9 +64,8 @@ def _load(states: States) -> Table:
         unit = "shear moduli of pressure per sinking in by one size of the device"
         rows.append(("contact stiffness", f"{case.obstacle.stiffness:g}", unit))
     for part in case.parts:
-        texts = {field.key or name: field.help for name, field in about(part).items()}
-        words = codec.to_table(part, readable)
-        rows += [(f"{part.where.strip('[]')} {name}", value, texts[name]) for name, value in words.items()]
+        words, texts = part.write_table(readable), part.explained
+        rows += [(f"{part.where.strip('[]')} {name}", str(value), texts.get(name, "")) for name, value in words.items()]
     if case.supply is not None:
         texts = {field.key or name: field.help for name, field in about(case.supply).items()}
         rows += [(name, value, texts[name]) for name, value in codec.to_table(case.supply, readable).items()]

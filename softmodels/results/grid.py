@@ -78,7 +78,8 @@ def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32]
 
     Returns:
         Indices into ``State.w`` of the skew components at each local node, shape (local nodes, d); and indices of p at
-        each local node, -1 where p has no dof (mid-edge nodes), or None in the displacement formulation.
+        each local node, one for each region of the body, -1 where p has no dof (mid-edge nodes, and vertices that a region
+        does not reach), shape (local nodes, regions), or None in the displacement formulation.
     """
     d = grid.dimension
     space = system.space
@@ -94,10 +95,9 @@ def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32]
         column = np.empty(len(parents), dtype=np.int32)
         column[_matched(grid, sub.tabulate_dof_coordinates())] = parents
         columns.append(column)
-    sub, blocks = space.sub(1).collapse()
-    parents = np.concatenate(blocks)
-    pressures = np.full(len(columns[0]), -1, dtype=np.int32)
-    pressures[_matched(grid, sub.tabulate_dof_coordinates())] = parents
+    corners = system.potential.pressure_dofs
+    pressures = np.full((len(columns[0]), corners.shape[2]), -1, dtype=np.int32)
+    pressures[np.array(grid.space.dofmap.list)[:, : corners.shape[1]]] = corners  # vertices come first in a cell
     return np.column_stack(columns), pressures
 
 

@@ -42,9 +42,10 @@ class StateDofs:
 
     def dofs(self, u: Array | None, p: Array | None) -> Array:
         """The dofs that `raw` took apart, from its two arrays on rank 0, None elsewhere."""
-        return self._filled(
-            self._grid.distribute(u), None if self._sampling.pressures is None else self._grid.distribute(p)
-        )
+        if self._sampling.pressures is None:
+            return self._filled(self._grid.distribute(u), None)
+        here = self._grid.distribute(p)
+        return self._filled(self._grid.distribute(u), here if here.ndim == 2 else here[:, None])
 
     def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
         """The state that nodal fields were made of.
@@ -56,25 +57,26 @@ class StateDofs:
         """
         eq, grid = self._eq, self._grid
         u = grid.distribute(None if nodal is None else nodal["displacement"]) / eq.length_unit
-        p = grid.distribute(None if nodal is None else nodal["p"]) / eq.stress_unit
+        p = grid.distribute(None if nodal is None else nodal["p"])[:, None] / eq.stress_unit
         u = u if grid.dimension == 3 else u[:, [0, 2]]
         return State(self._filled(u @ eq.body.skew.T, p), P, V)
 
     def _filled(self, skew: Array, p: Array | None) -> Array:
-        """Dofs from skew components and p at owned nodes."""
+        """Dofs from skew components and p at owned nodes, where one value of p may stand for those of all regions."""
         from dolfinx import fem
 
         function = fem.Function(self._eq.space)
         function.x.array[self._sampling.skew[: self._grid.owned]] = skew
         if self._sampling.pressures is not None and p is not None:
             at = self._sampling.pressures[: self._grid.owned]
-            function.x.array[at[at >= 0]] = p[at >= 0]
+            function.x.array[at[at >= 0]] = np.broadcast_to(p, at.shape)[at >= 0]
         function.x.scatter_forward()
         return function.x.array.copy()
 
     def _vertex_values(self, w: Array) -> Array:
-        """The unknown p at owned nodes that have one, 0 elsewhere."""
+        """The unknown p at owned nodes that have one, 0 elsewhere; one for each region where there are several."""
         if self._sampling.pressures is None:
             return np.zeros(self._grid.owned)
         at = self._sampling.pressures[: self._grid.owned]
-        return np.where(at >= 0, w[at], 0.0)
+        found = np.where(at >= 0, w[at], 0.0)
+        return found if found.shape[1] > 1 else found[:, 0]

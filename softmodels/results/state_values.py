@@ -42,7 +42,7 @@ class Sampling:
         self._dofs = space.dofmap.list[: len(system.cells)]
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))
-        self.ratio = VolumeRatio(system.body, space)
+        self.ratio = VolumeRatio(system.body, space, [region.cells for region in system.potential.regions])
 
     @functools.cached_property
     def push(self) -> Array:
@@ -79,8 +79,8 @@ class Sampling:
         """The dimensionless unknown p at owned nodes, linear between its vertices; None without one."""
         if self.pressures is None:
             return None
-        values = np.where(self.pressures >= 0, w[self.pressures], 0.0)[self._dofs]
-        return self.average(values[:, : self.between.shape[1]] @ self.between.T)
+        corners = np.array(self.system.space.sub(1).dofmap.list)[: len(self.system.cells)]
+        return self.average(w[corners] @ self.between.T)
 
 
 class StateValues:
@@ -110,7 +110,10 @@ class StateValues:
     @functools.cached_property
     def von_mises(self) -> Array:
         """Von Mises stress at the integration points in Pa, shape (cells, points)."""
-        return von_mises(shape_stresses(self.system.material, self.stretches))
+        found = np.empty(self.stretches.shape[:2])
+        for region, material in self.system.materials:
+            found[region.cells] = von_mises(shape_stresses(material, self.stretches[region.cells]))
+        return found
 
     @functools.cached_property
     def J(self) -> Array:
@@ -128,7 +131,10 @@ class StateValues:
         eq = self.system
         p = self.sampling.pressure(self.state.w)
         if p is None:
-            p = self.sampling.average(self.J @ self.sampling.between.T - 1.0) * float(eq.potential.bulk.value)
+            change = self.J - 1.0
+            for region, _ in eq.materials:
+                change[region.cells] *= float(region.bulk.value)
+            p = self.sampling.average(change @ self.sampling.between.T)
         return p * eq.stress_unit
 
     def at_nodes(self, values: Array, positive: bool = False) -> Array:

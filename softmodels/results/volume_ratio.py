@@ -11,6 +11,7 @@ the mesh: at 177 cm those of the default seminar actuator by up to 0.14, where p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,9 +29,10 @@ class VolumeRatio:
     Args:
         body: The mesh.
         space: Scalar second-order space whose nodes the vertices are counted among.
+        regions: Owned cells of each region: p may jump between them, and with it these means.
     """
 
-    def __init__(self, body: Body, space: fem.FunctionSpace):
+    def __init__(self, body: Body, space: fem.FunctionSpace, regions: Sequence[npt.NDArray[np.int32]]):
         import basix
         import ufl
         from dolfinx import fem, la
@@ -42,22 +44,26 @@ class VolumeRatio:
         self._shares = volumes[:, :, None] * barycentric(points)
         # A second-order element counts its vertices first.
         self._vertices = space.dofmap.list[: len(cells), : points.shape[1] + 1]
-        self._sum = la.vector(space.dofmap.index_map, 1)
+        self._sum, self._regions = la.vector(space.dofmap.index_map, 1), regions
         self._whole = self._weighted(np.ones(volumes.shape))
 
     def _weighted(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Sum over the cells around each vertex of weighted values at their points, shape (cells, points), on local nodes."""
+        """Sums of weighted values, shape (cells, points), over a region's cells around each corner, shape (cells, corners)."""
         from dolfinx import la
 
-        self._sum.array[:] = 0.0
-        np.add.at(self._sum.array, self._vertices, np.einsum("cqv,cq->cv", self._shares, values))
-        self._sum.scatter_reverse(la.InsertMode.add)
-        self._sum.scatter_forward()
-        return self._sum.array.copy()
+        found = np.empty(self._vertices.shape)
+        for cells in self._regions:
+            self._sum.array[:] = 0.0
+            weighted = np.einsum("cqv,cq->cv", self._shares[cells], values[cells])
+            np.add.at(self._sum.array, self._vertices[cells], weighted)
+            self._sum.scatter_reverse(la.InsertMode.add)
+            self._sum.scatter_forward()
+            found[cells] = self._sum.array[self._vertices[cells]]
+        return found
 
     def at_corners(self, J: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Means at the corners of each local cell, shape (cells, corners), of J at its points, shape (cells, points)."""
-        return np.array(self._weighted(J)[self._vertices] / self._whole[self._vertices])
+        return self._weighted(J) / self._whole
 
 
 def barycentric(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

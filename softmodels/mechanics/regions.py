@@ -1,0 +1,153 @@
+"""Regions of a device in materials of their own, bonded to the rest without a gap.
+
+A region is a physical group of cells: of a device's class, such as the ``base`` of a `PneuNet`, or a named solid of a STEP
+file. The case's material fills what no region names.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from softmodels.materials.material import Material
+from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
+from softmodels.mechanics.parts import Part, PartError
+from softmodels.mechanics.region_space import numbered
+
+if TYPE_CHECKING:
+    import ufl
+    from dolfinx import fem, mesh
+
+Array = npt.NDArray[np.float64]
+CELLS = SHEET
+"""Tag of a region's cells in the forms: one for all regions, or each would have its own compiled forms."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RegionPart(Part):
+    """A region that has a law of its own; its name is the region's."""
+
+    material: Material
+
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise `PartError` where a device has no such region."""
+        if self.name not in actuator.regions:
+            known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
+            raise PartError(f"{self.where}: {type(actuator).__name__} has no region {self.name!r}; {known}")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MaterialRegion:
+    """Cells of one material, with the constants that carry its parameters in the forms.
+
+    Attributes:
+        name: The region's; empty for the main one.
+        material: Law and parameters; of the main region those of `System.material`, which may change.
+        cells: Owned local cells.
+        dx: Measure over them.
+        parameters: The law's parameters by name, those that are stresses in shear moduli of the main material.
+        bulk: Bulk modulus; its inverse in the mixed form: that may vanish, the bulk may not be infinite.
+    """
+
+    name: str
+    material: Material
+    cells: npt.NDArray[np.int32]
+    dx: ufl.Measure
+    parameters: types.SimpleNamespace
+    bulk: fem.Constant
+
+    def take(self, material: Material, mu: float, mixed: bool) -> None:
+        """Take a material's values, in units of a shear modulus in Pa."""
+        for field in dataclasses.fields(material):
+            value = np.asarray(getattr(material, field.name), dtype=float)
+            getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
+        self.bulk.value = mu / material.bulk if mixed else material.bulk / mu
+
+
+class Regions:
+    """The materials of a body and where they are.
+
+    Args:
+        body: Mesh and regions.
+        material: The main material.
+        parts: Regions in other materials among them, and more.
+
+    Attributes:
+        numbers: Number of each local cell's region, 0 for the main one; None where that is the whole body.
+
+    Raises:
+        PartError: A region that the mesh lacks, or regions that leave nothing to the main material.
+    """
+
+    def __init__(self, body: Body, material: Material, parts: Sequence[Part]):
+        self._body, self._material = body, material
+        self._parts = [part for part in parts if isinstance(part, RegionPart)]
+        self.numbers: npt.NDArray[np.int32] | None = None
+        if not self._parts:
+            return
+        for part in self._parts:
+            if part.name not in body.regions:
+                known = ", ".join(body.regions) or "none"
+                raise PartError(f"{part.where}: the mesh has no cells of this name; it has {known}")
+        self.numbers = numbered(body.mesh, [body.regions[part.name] for part in self._parts])
+        counts = body.mesh.comm.allreduce(np.bincount(self.numbers[: self._owned()], minlength=1 + len(self._parts)))
+        if not counts[0]:
+            raise PartError(
+                f"{self._parts[0].where}: the regions leave nothing to the main material; leave one of them out"
+            )
+
+    def _owned(self) -> int:
+        topology = self._body.mesh.topology
+        return int(topology.index_map(topology.dim).size_local)
+
+    def main(self, parameters: types.SimpleNamespace, bulk: fem.Constant) -> MaterialRegion:
+        """The region of the main material.
+
+        Args:
+            parameters: Constants of its law.
+            bulk: That of its bulk modulus.
+        """
+        if self.numbers is None:
+            cells, dx = np.arange(self._owned(), dtype=np.int32), self._body.measures()[0]
+        else:
+            cells, dx = self._cells(0)
+        return MaterialRegion("", self._material, cells, dx, parameters, bulk)
+
+    def others(self) -> Iterator[MaterialRegion]:
+        """The other regions; their constants are made here."""
+        from dolfinx import fem
+
+        for number, part in enumerate(self._parts, 1):
+            parameters = constants(self._body.mesh, part.material)
+            yield MaterialRegion(
+                part.name, part.material, *self._cells(number), parameters, fem.Constant(self._body.mesh, 0.0)
+            )
+
+    def _cells(self, number: int) -> tuple[npt.NDArray[np.int32], ufl.Measure]:
+        import ufl
+        from dolfinx import mesh as meshes
+
+        assert self.numbers is not None
+        mesh = self._body.mesh
+        cells = np.flatnonzero(self.numbers == number).astype(np.int32)
+        tags = meshes.meshtags(mesh, mesh.topology.dim, cells, np.full(len(cells), CELLS, dtype=np.int32))
+        metadata = {"quadrature_degree": QUADRATURE_DEGREE}
+        return cells[cells < self._owned()], ufl.Measure("dx", mesh, subdomain_data=tags, metadata=metadata)(CELLS)
+
+
+def constants(mesh: mesh.Mesh, material: Material) -> types.SimpleNamespace:
+    """UFL constants under the material's parameter names."""
+    from dolfinx import fem
+
+    return types.SimpleNamespace(
+        **{
+            field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
+            for field in dataclasses.fields(material)
+        }
+    )
