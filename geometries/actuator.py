@@ -85,9 +85,6 @@ class Actuator(Designable, Castable, ABC):
     faces: ClassVar[tuple[str, ...]] = ()
     """Physical groups on the outside that a thin sheet can be bonded to."""
 
-    regions: ClassVar[tuple[str, ...]] = ()
-    """Physical groups of cells beside the main one, "solid", that can be of another material."""
-
     stiffer: ClassVar[str] = "thicker walls"
     """What bears more pressure before it balloons, with the options; a clause for messages."""
 

@@ -58,6 +58,7 @@ class BendingBellows(Bending, Actuator):
 
     stem: ClassVar = "bending-bellows"
     faces: ClassVar = ("folds", "bottom", "tip", "outer")
+    regions: ClassVar = ("base",)
     stiffer: ClassVar = "a thicker wall (--wall), a smaller radius (--radius)"
     examples: ClassVar = ("--folds 6 --depth 4mm", "--radius 8mm --wall 2mm --rim 2mm", "--part full")
     mesh_order: ClassVar = 2

@@ -48,6 +48,12 @@ class ImportedMesh(ImportedPart):
         return _read(self, self.digest())[1]
 
     @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names that the file has for some of the cells."""
+        every = len(self.mesh.cells)
+        return tuple(name for name, cells in self.mesh.regions.items() if 0 < len(cells) < every)
+
+    @property
     def mesh_order(self) -> int:
         return 1 if self.mesh.cells.shape[1] == 4 else 2
 
@@ -64,9 +70,9 @@ class ImportedMesh(ImportedPart):
         solid = gmsh.model.addDiscreteEntity(3)
         gmsh.model.mesh.addNodes(3, solid, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
         left = np.ones(len(mesh.cells), dtype=bool)
-        regions = [(name, cells) for name, cells in mesh.regions.items() if 0 < len(cells) < len(left)]
         parts = []
-        for name, cells in regions:
+        for name in self.regions:
+            cells = mesh.regions[name]
             inside = cells[left[cells]]
             left[inside] = False
             parts.append((name, inside, gmsh.model.addDiscreteEntity(3)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import ClassVar
 
 from geometries.errors import GeometryError
 
@@ -28,6 +29,9 @@ class Parting:
 
 class Castable:
     """What a device tells about how it is cast; a base of `geometries.Actuator`."""
+
+    regions: ClassVar[tuple[str, ...]] = ()
+    """Physical groups of cells beside "solid" that can be of another material."""
 
     @property
     def parting(self) -> Parting | None:

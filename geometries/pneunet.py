@@ -96,6 +96,10 @@ class PneuNet(Bending, Actuator):
         check_pneunet(self)
 
     @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        return ("base", "paper") if self.paper else ("base",)
+
+    @property
     def expected_cells(self) -> float:
         return plan.expected_cells(self)
 

@@ -42,13 +42,18 @@ class RegionPart(Part):
             raise PartError(f"{self.where}: {type(actuator).__name__} has no region {self.name!r}; {known}")
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+def materials(main: Material, parts: Sequence[Part]) -> list[Material]:
+    """Every material of a device, the main one first."""
+    return [main, *(part.material for part in parts if isinstance(part, RegionPart))]
+
+
+@dataclasses.dataclass(eq=False)
 class MaterialRegion:
     """Cells of one material, with the constants that carry its parameters in the forms.
 
     Attributes:
         name: The region's; empty for the main one.
-        material: Law and parameters; of the main region those of `System.material`, which may change.
+        material: Law and parameters; those of the main region may change.
         cells: Owned local cells.
         dx: Measure over them.
         parameters: The law's parameters by name, those that are stresses in shear moduli of the main material.
@@ -64,6 +69,7 @@ class MaterialRegion:
 
     def take(self, material: Material, mu: float, mixed: bool) -> None:
         """Take a material's values, in units of a shear modulus in Pa."""
+        self.material = material
         for field in dataclasses.fields(material):
             value = np.asarray(getattr(material, field.name), dtype=float)
             getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value

@@ -25,7 +25,7 @@ from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.region_space import matrix_of
-from softmodels.mechanics.regions import MaterialRegion, RegionPart
+from softmodels.mechanics.regions import materials
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -98,8 +98,7 @@ class System:
 
         if formulation not in FORMULATIONS:
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
-        others = [part.material for part in parts if isinstance(part, RegionPart)]
-        if formulation != "mixed" and any(math.isinf(one.bulk) for one in (material, *others)):
+        if formulation != "mixed" and any(math.isinf(one.bulk) for one in materials(material, parts)):
             raise MaterialError("poisson = 0.5 needs the mixed formulation: displacements alone would lock")
         self.body, self.formulation, self.sheet, self.comm = body, formulation, sheet, body.mesh.comm
         self.mixed = formulation == "mixed"
@@ -156,11 +155,6 @@ class System:
     def vectors(self) -> fem.FunctionSpace:
         """The displacement's part of the function space."""
         return self.space.sub(0) if self.mixed else self.space
-
-    @property
-    def materials(self) -> list[tuple[MaterialRegion, Material]]:
-        """Every region with its present material, the main one first."""
-        return [(region, region.material if region.name else self.material) for region in self.potential.regions]
 
     def set_material(self, material: Material) -> None:
         """Take other values of the same law; nothing is compiled again."""

@@ -111,8 +111,8 @@ class StateValues:
     def von_mises(self) -> Array:
         """Von Mises stress at the integration points in Pa, shape (cells, points)."""
         found = np.empty(self.stretches.shape[:2])
-        for region, material in self.system.materials:
-            found[region.cells] = von_mises(shape_stresses(material, self.stretches[region.cells]))
+        for region in self.system.potential.regions:
+            found[region.cells] = von_mises(shape_stresses(region.material, self.stretches[region.cells]))
         return found
 
     @functools.cached_property
@@ -132,7 +132,7 @@ class StateValues:
         p = self.sampling.pressure(self.state.w)
         if p is None:
             change = self.J - 1.0
-            for region, _ in eq.materials:
+            for region in eq.potential.regions:
                 change[region.cells] *= float(region.bulk.value)
             p = self.sampling.average(change @ self.sampling.between.T)
         return p * eq.stress_unit
