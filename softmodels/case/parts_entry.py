@@ -43,7 +43,7 @@ def _of_table(kind: type[Part], tables: Tables) -> list[Part]:
     table = table_of(tables, kind.table)
     if kind.always_named:
         table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
-        return [_made(kind, name, table_of(table, name)) for name in table]
+        return [kind.read_table(name, table_of(table, name)) for name in table]
     named = [isinstance(value, Mapping) for value in table.values()]
     if not any(named):
         return [kind.read_table("", table)]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.mechanics.assembled import mark_symmetric
 from softmodels.mechanics.mpi import largest, total
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def entries_of(space: fem.FunctionSpace, sub: int) -> int:
 
 
 def matrix_of(space: fem.FunctionSpace, forms: list[fem.Form]) -> Any:
-    """PETSc matrix with the pattern of bilinear forms that are added up in it, such as those of regions.
+    """Symmetric PETSc matrix with the pattern of bilinear forms that are added up in it, such as those of regions.
 
     Facets couple no other unknowns than their cells do.
     """
@@ -141,10 +142,13 @@ def matrix_of(space: fem.FunctionSpace, forms: list[fem.Form]) -> Any:
     from dolfinx.fem import petsc as fem_petsc
 
     if len(forms) == 1:
-        return fem_petsc.create_matrix(forms[0])
-    index_map, size = space.dofmap.index_map, space.dofmap.index_map_bs
-    pattern = cpp.la.SparsityPattern(space.mesh.comm, [index_map, index_map], [size, size])
-    for form in forms:
-        cpp.fem.build_sparsity_pattern(pattern, form._cpp_object)
-    pattern.finalize()
-    return cpp.la.petsc.create_matrix(space.mesh.comm, pattern)
+        made = fem_petsc.create_matrix(forms[0])
+    else:
+        index_map, size = space.dofmap.index_map, space.dofmap.index_map_bs
+        pattern = cpp.la.SparsityPattern(space.mesh.comm, [index_map, index_map], [size, size])
+        for form in forms:
+            cpp.fem.build_sparsity_pattern(pattern, form._cpp_object)
+        pattern.finalize()
+        made = cpp.la.petsc.create_matrix(space.mesh.comm, pattern)
+    mark_symmetric(made)
+    return made

@@ -7,6 +7,7 @@ file. The case's material fills what no region names.
 from __future__ import annotations
 
 import dataclasses
+import math
 import types
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.materials.material import Material
+from softmodels.materials.material import Material, MaterialError
 from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.region_space import numbered
@@ -42,9 +43,15 @@ class RegionPart(Part):
             raise PartError(f"{self.where}: {type(actuator).__name__} has no region {self.name!r}; {known}")
 
 
-def materials(main: Material, parts: Sequence[Part]) -> list[Material]:
-    """Every material of a device, the main one first."""
-    return [main, *(part.material for part in parts if isinstance(part, RegionPart))]
+def check_compressible(main: Material, parts: Sequence[Part], mixed: bool) -> None:
+    """Refuse an incompressible material without p as an unknown.
+
+    Raises:
+        MaterialError: There is one.
+    """
+    materials = [main, *(part.material for part in parts if isinstance(part, RegionPart))]
+    if not mixed and any(math.isinf(one.bulk) for one in materials):
+        raise MaterialError("poisson = 0.5 needs the mixed formulation: displacements alone would lock")
 
 
 @dataclasses.dataclass(eq=False)

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
-from softmodels.mechanics.assembled import AssembledTerms, mark_symmetric
+from softmodels.mechanics.assembled import AssembledTerms
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.coupling import Coupling
@@ -25,7 +25,7 @@ from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.region_space import matrix_of
-from softmodels.mechanics.regions import materials
+from softmodels.mechanics.regions import check_compressible
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -98,8 +98,7 @@ class System:
 
         if formulation not in FORMULATIONS:
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
-        if formulation != "mixed" and any(math.isinf(one.bulk) for one in materials(material, parts)):
-            raise MaterialError("poisson = 0.5 needs the mixed formulation: displacements alone would lock")
+        check_compressible(material, parts, formulation == "mixed")
         self.body, self.formulation, self.sheet, self.comm = body, formulation, sheet, body.mesh.comm
         self.mixed = formulation == "mixed"
         self.potential = self.potential_class(body, material, self.mixed, sheet, obstacle, parts)
@@ -111,7 +110,6 @@ class System:
         self.bcs = [fem.dirichletbc(np.array(0.0), dofs, self.vectors.sub(i)) for i, dofs in held]
         self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
         self.K: PETSc.Mat = matrix_of(self.space, self._tangent[: len(self.potential.regions)])
-        mark_symmetric(self.K)
         self._vector = fem.Function(self.space)
         self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
         self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
