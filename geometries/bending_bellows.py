@@ -57,6 +57,8 @@ class BendingBellows(Bending, Actuator):
     tip: str = choice_field("free", ("free", "held"), "tip free to move, or its face held along z (blocked force)")
 
     stem: ClassVar = "bending-bellows"
+    pressures: ClassVar = "0:25"
+    silicone: ClassVar = "ecoflex-00-30"
     faces: ClassVar = ("folds", "bottom", "tip", "outer")
     regions: ClassVar = ("base",)
     stiffer: ClassVar = "a thicker wall (--wall), a smaller radius (--radius)"

@@ -53,11 +53,11 @@ class PneuNet(Bending, Actuator):
     sides: int = choice_field(1, (1, 2), "chambers above the base, or above and below it")
     chamber_length: float = length_field(0.005, "length of a chamber's air along the finger")
     chamber_width: float = length_field(0.012, "width of a chamber's air")
-    chamber_height: float = length_field(0.011, "height of a chamber's air above the base")
-    wall: float = length_field(0.0015, "thickness of the walls between a chamber and a gap, or of a rib")
+    chamber_height: float = length_field(0.012, "height of a chamber's air above the base")
+    wall: float = length_field(0.001, "thickness of the walls between a chamber and a gap, or of a rib")
     side_wall: float = length_field(0.002, "thickness of the walls at the sides")
     top_wall: float = length_field(0.002, "thickness of the walls above the chambers")
-    gap: float = length_field(0.001, "gap between chambers; 0 for ribs, one wall between two chambers", zero=True)
+    gap: float = length_field(0.0005, "gap between chambers; 0 for ribs, one wall between two chambers", zero=True)
     bridge: float = length_field(0.002, "solid between the channel and the floor of a gap", unless=("gap", 0.0))
     channel_width: float = length_field(0.004, "width of the channel that joins the chambers")
     channel_height: float = length_field(0.002, "height of the channel above the base")
@@ -77,15 +77,17 @@ class PneuNet(Bending, Actuator):
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "default": {},
-        "slotted": {"gap": 0.0005, "bridge": 0.006},
+        "slotted": {"wall": 0.0015, "bridge": 0.006},
         "ribbed": {"gap": 0.0, "wall": 0.002},
         "two-sided": {"sides": 2},
     }
     stem: ClassVar = "pneunet"
+    pressures: ClassVar = "0:12"
+    silicone: ClassVar = "ecoflex-00-30"
     faces: ClassVar = ("top", "bottom", "tip", "chamber_walls", "outer")
     stiffer: ClassVar = "thicker walls (--wall, --side-wall, --top-wall), narrower chambers (--chamber-width)"
     examples: ClassVar = (
-        "--chambers 6 --gap 0.5mm",
+        "--chambers 6 --gap 1mm",
         "--variant slotted --bridge 5mm",
         "--variant ribbed --wall 2.5mm",
         "--base 2mm --paper 0.2mm --part full",

@@ -19,6 +19,10 @@ COARSEST = 10.0
 """Largest ratio of the cell size to the thinnest part: flatter cells are poor."""
 
 
+SOLID = ("wall", "side_wall", "top_wall", "base", "root", "cap", "bridge")
+"""Thicknesses of solid."""
+
+
 def walls(finger: PneuNet) -> dict[str, float]:
     """Every dimension in m of the solid and of the air that has a least value, by its parameter."""
     several = finger.chambers > 1
@@ -88,12 +92,12 @@ def _check_base(finger: PneuNet) -> None:
 
 
 def _check_cells(finger: PneuNet) -> None:
-    thinnest = min(walls(finger), key=walls(finger).__getitem__)
-    limit = COARSEST * walls(finger)[thinnest]
+    solid = {name: value for name, value in walls(finger).items() if name in SOLID}
+    thinnest = min(solid, key=solid.__getitem__)
+    limit = COARSEST * solid[thinnest]
     if finger.cell_size > limit:
         raise GeometryError(
-            f"cell_size is {_mm(finger.cell_size)}; with {thinnest} {_mm(walls(finger)[thinnest])} it must not pass "
-            f"{_mm(limit)}"
+            f"cell_size is {_mm(finger.cell_size)}; with {thinnest} {_mm(solid[thinnest])} it must not pass {_mm(limit)}"
         )
     if finger.expected_cells > MOST_CELLS:
         raise GeometryError(

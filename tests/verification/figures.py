@@ -1,7 +1,7 @@
-"""A program, not a test: figures of a wedge, a slab, a disk past its limit, one that bifurcates and a part with two cavities,
-as JSON on rank 0.
+"""A program, not a test: figures of a wedge, a slab, a finger, a disk past its limit, one that bifurcates and a part with
+two cavities, as JSON on rank 0.
 
-Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh SECTION.msh TWIN.msh PAIR.msh, with PAIR.step beside PAIR.msh
+Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh FINGER.msh SECTION.msh TWIN.msh PAIR.msh, with PAIR.step beside PAIR.msh
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import json
 import sys
 from pathlib import Path
 
-from geometries import HollowDisk, ImportedActuator, SeminarActuator
+from geometries import HollowDisk, ImportedActuator, PneuNet, SeminarActuator
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
 SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
+FINGER = PneuNet(chambers=2, paper=0.0005, cell_size=0.005)
 SECTION = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
 TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, cell_size=0.003)
 """With two equal membranes, of which one balloons in the end."""
@@ -27,7 +28,9 @@ def pair_of(step: Path) -> ImportedActuator:
     return ImportedActuator(file=str(step), cavities=cavities, support="x = 0 mm", cell_size=0.006)
 
 
-def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path) -> dict[str, list[float]]:
+def figures(
+    comm, wedge: Path, slab: Path, finger: Path, section: Path, twin: Path, pair: Path
+) -> dict[str, list[float]]:
     """Key figures by state; the same on every rank."""
     import numpy as np
 
@@ -40,10 +43,11 @@ def figures(comm, wedge: Path, slab: Path, section: Path, twin: Path, pair: Path
     from softmodels.results.fields import Fields
 
     found = {}
-    for name, device, file in (("wedge", WEDGE, wedge), ("slab", SLAB, slab)):
+    solids = (("wedge", WEDGE, wedge, 1.0), ("slab", SLAB, slab, 1.0), ("finger", FINGER, finger, 0.1))
+    for name, device, file, share in solids:
         equations = Solver(System(Body.from_file(device, file, comm), NeoHookean(30e3, 0.49)))
         fields = Fields(equations)
-        for point in trace(Continuation(equations), [0.1, 0.4]):
+        for point in trace(Continuation(equations), [0.1 * share, 0.4 * share]):
             if point.requested:
                 values = dataclasses.asdict(fields.figures(point.state))
                 values.update(values.pop("rises"), **values.pop("device"), **values.pop("extremes"))

@@ -35,7 +35,7 @@ def program():
 def meshes(program, two_cavities, tmp_path_factory):
     folder = tmp_path_factory.mktemp("ranks")
     pair = program.pair_of(shutil.copy(two_cavities, folder / "pair.step"))
-    devices = (program.WEDGE, program.SLAB, program.SECTION, program.TWIN)
+    devices = (program.WEDGE, program.SLAB, program.FINGER, program.SECTION, program.TWIN)
     return [*(device.write(folder / f"{device.name}.msh") for device in devices), pair.write(folder / "pair.msh")]
 
 
