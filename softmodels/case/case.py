@@ -20,6 +20,7 @@ from softmodels.case.errors import PART_ERRORS, CaseError
 from softmodels.case.gauges import Gauges
 from softmodels.case.load import STIFFNESS_RANGE, Load
 from softmodels.case.material_check import check_materials
+from softmodels.case.material_errors import ErrorsEntry, MaterialErrors
 from softmodels.case.material_table import DEFAULT
 from softmodels.case.parts_entry import Parts, PartsEntry, check_parts
 from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntry, NameEntry, ProgramEntry
@@ -79,6 +80,7 @@ class Case:
         obstacle: A rigid plane that faces of the device come to rest on.
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
         parts: What else is added to the device; see `softmodels.mechanics.parts`.
+        band: Errors of the material, whose 95 % band is told of every state; None for none.
 
     Raises:
         CaseError: From the constructor, if this cannot be run or cannot be meant.
@@ -117,6 +119,7 @@ class Case:
     obstacle: Obstacle | None = dataclasses.field(default=None, metadata=_written(Part(Obstacle)))
     gauges: Gauges = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
     parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
+    band: MaterialErrors | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
@@ -133,6 +136,9 @@ class Case:
             object.__setattr__(self, "parts", tuple(self.parts))
             check_parts(self.parts, self.actuator)
             check_materials(self.material, self.parts, self.formulation)
+            if self.band is not None:
+                self.band.check(self.material)
+                self.load.check_band()
             self.load.check_size(self.material.shear_modulus_0, self.actuator.cavity_volume)
             check_rest(self.material)
         except PART_ERRORS as error:

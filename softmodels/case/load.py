@@ -107,6 +107,17 @@ class Load:
         if not 100.0 <= self.water_density <= 20000.0:
             raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
 
+    def check_band(self) -> None:
+        """Refuse a load whose states are not those of one pressure or volume.
+
+        Raises:
+            CaseError: A supply, a program or a cycle.
+        """
+        if self.program or self.supply is not None or self.cycle:
+            raise CaseError(
+                "a band is told of states at requested pressures or volumes; leave out --band, or supply, cycle and series"
+            )
+
     def check_branch(self) -> None:
         """Refuse a load under which no branch can be followed.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -48,8 +49,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
     if not message and not quiet:
         row, gauge = results.rows[-1], case.actuator.gauge
         print(
-            f"{_loaded(row)}: {gauge} rise {row[f'{gauge}_mm']:+.5g} mm, "
-            f"added volume {row['added_volume_ml']:.5g} ml{pressed(row)}, "
+            f"{_loaded(row)}: {gauge} rise {row[f'{gauge}_mm']:+.5g}{_band(row, f'{gauge}_95_mm')} mm, "
+            f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_95_ml')} ml{pressed(row)}, "
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
             f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
         )
@@ -68,6 +69,12 @@ def _gauge(column: str, row: Row) -> str:
     """A named place or angle with its unit."""
     name, unit = split(column)
     return f"{name.replace('_', ' ')} {row[column]:.5g}{unit if unit == '°' else f' {unit}'}"
+
+
+def _band(row: Row, column: str) -> str:
+    """Half the 95 % interval of the material's errors, behind a value; nothing where it is not known."""
+    width = row.get(column, math.nan)
+    return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
 
 
 def _loaded(row: Row) -> str:

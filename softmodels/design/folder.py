@@ -37,7 +37,7 @@ def identity(problem: DesignProblem) -> dict[str, str]:
         "what is asked for": repr((problem.objective, [(term.quantity.key, term.weight) for term in problem.terms])),
         "the limits": repr(keeps),
         "the tolerances": repr(sorted(problem.spreads.items())),
-        "the material's errors": repr(None if errors is None else (errors.names, errors.covariance.tolist())),
+        "the material's errors": repr(None if errors is None else (errors.names, errors.matrix.tolist())),
     }
 
 

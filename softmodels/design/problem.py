@@ -10,6 +10,7 @@ from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import brief
 from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS
+from softmodels.case.material_errors import MaterialErrors
 from softmodels.design.asked import (
     CLEARANCES,
     MARGIN,
@@ -23,7 +24,6 @@ from softmodels.design.asked import (
 )
 from softmodels.design.errors import DesignError
 from softmodels.design.free import Free, closest, crossed_corners, free_parameters
-from softmodels.design.material_errors import MaterialErrors
 from softmodels.design.quantities.base import Quantity
 from softmodels.design.tolerances import tolerances_of
 from softmodels.design.units import read
@@ -87,7 +87,7 @@ class DesignProblem:
         reader = Reader(case, _registry(), self.bare, self.folder)
         free = free_parameters(case.actuator, _table(self.parameters, "parameters"), self.bare)
         objective, terms = self._objective(reader)
-        errors = None if self.material_errors is None else MaterialErrors.of(self.material_errors, case, self.folder)
+        errors = _errors(self.material_errors, case, self.folder)
         settled: dict[str, object] = {
             "case": case, "free": free, "objective": objective, "terms": terms,
             "limits": tuple(keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")),
@@ -221,6 +221,22 @@ def _list(value: object) -> Sequence[object]:
     if isinstance(value, list | tuple):
         return value
     raise DesignError(f"{brief(value)} is no list; each limit begins with a line [[keep]]")
+
+
+def _errors(given: object, case: Case, folder: Path | None) -> MaterialErrors | None:
+    """The errors of the case's material: as they are, or a fitted material's file."""
+    if given is None:
+        return None
+    if isinstance(given, Mapping) and set(given) == {"file"}:
+        given = given["file"]
+    if isinstance(given, str | Path):
+        given = MaterialErrors.from_file((folder or Path()) / given)
+    if not isinstance(given, MaterialErrors):
+        raise DesignError(
+            f'material_errors is {brief(given)}; give a fitted material, file = "results/fit/fitted.toml"'
+        )
+    given.check(case.material)
+    return given
 
 
 def _check_load(case: Case) -> None:

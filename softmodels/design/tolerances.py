@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
+from softmodels.case.material_errors import MaterialErrors
 from softmodels.design.errors import DesignError
 from softmodels.design.free import expanded, unit_of
-from softmodels.design.material_errors import MaterialErrors
 from softmodels.design.trials import Trial
 from softmodels.design.units import read
 
@@ -63,5 +63,5 @@ class Spread:
             slope: npt.NDArray[np.float64] = np.array(
                 [trial.material_gradients[key].get(name, 0.0) for name in errors.names]
             )
-            variance += float(slope @ errors.covariance @ slope)
+            variance += float(slope @ errors.matrix @ slope)
         return float(np.sqrt(max(variance, 0.0)))

@@ -191,13 +191,42 @@ class Solver:
         self.kept.count(ksp)
         if not ksp.is_converged:
             raise NoConvergence("the linear solver failed on the state's linear response")
-        body, pressures = bordered.split(newton.x)
+        return self._answer()
+
+    def _answer(self) -> Tangent:
+        """The linear solver's solution: changes of dofs, pressure and volume."""
+        bordered = self.bordered
+        body, pressures = bordered.split(self.newton.x)
         direction = self.system.potential.direction.x
         direction.array[: self.system.n] = body
         direction.scatter_forward()
         self._y.array_w[:] = body
         w = np.concatenate([direction.array, pressures[1:]])
         return Tangent(w, float(pressures[0]), bordered.q.dot(self._y))
+
+    def aside(self, state: State, control: Control, force: Array, tolerance: float) -> Tangent:
+        """Answer of a state, linearised, to a ``force`` on the body with a control's line held; the path knows nothing of it.
+
+        Args:
+            state: The state.
+            control: The line.
+            force: Owned entries, shape (n,), zero at held dofs.
+            tolerance: Of the linear solver, relative.
+
+        Raises:
+            NoConvergence: The linear solver did not get there.
+        """
+        self._border(state, control)
+        bordered, newton = self.bordered, self.newton
+        bordered.join(newton.f, force, np.zeros(bordered.scalars))
+        bordered.mat.assemble()
+        self._side.setOperators(bordered.mat)
+        self._side.setTolerances(rtol=tolerance)
+        self._side.solve(newton.f, newton.x)
+        self._side.setTolerances(rtol=TANGENT_TOLERANCE)
+        if not self._side.is_converged:
+            raise NoConvergence("the linear solver failed on a force beside the path")
+        return self._answer()
 
     def dead_load_compliance(self, state: State, load: Array) -> float:
         """Work of a dead load (owned entries, shape (n,)) on the motion it causes at a state, the cavity pressure kept.

@@ -13,6 +13,7 @@ from softmodels.pictures.style import BRANCH, CURVE, DPI, WARNING, WIDTH, Array
 from softmodels.results.columns import term
 from softmodels.results.row import Row
 from softmodels.results.stability_report import jumped_over
+from softmodels.results.terms import split
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,6 +110,7 @@ def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], o
     axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
     if not held.all():
         axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps the device jumps over")
+    _band(axes, rows, column, over)
     asked = places[[bool(row["requested"]) for row in rows]]
     if len(asked):
         axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
@@ -121,6 +123,19 @@ def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], o
         leaving = next(row for row in rows if row.get("bifurcation"))
         aside = np.array([[row[over], row[column]] for row in (leaving, *branch)])
         axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
+
+
+def _band(axes: Axes, rows: Sequence[Row], column: str, over: str) -> None:
+    """The 95 % band that the material's errors make, up to the first limit point: beyond it the pressure tells no state."""
+    name, unit = split(column)
+    half = f"{name}_95_{unit}"
+    if over != "pressure_cm" or half not in rows[0]:
+        return
+    rows = rows[: next((k for k, row in enumerate(rows) if row["limit"]), len(rows))]
+    known = [(row[over], row[column], row[half]) for row in rows if not np.isnan(row[half])]
+    x, y, width = np.array(known).T
+    width = np.minimum(width, np.ptp(y))  # it grows without bound at a limit point
+    axes.fill_between(x, y - width, y + width, color=CURVE, alpha=0.18, linewidth=0, label="95 % band of the material")
 
 
 def limits(rows: Sequence[Row]) -> list[Row]:

@@ -32,6 +32,7 @@ class Solved:
         nodal: Its nodal fields by name, SI units.
         number: How many rows come before.
         load_step: How many steps a program has come.
+        band: Half widths of 95 % intervals by column, where the material's errors are known; see `results.band`.
     """
 
     case: Case
@@ -41,6 +42,7 @@ class Solved:
     nodal: Mapping[str, npt.NDArray[np.float64]]
     number: int
     load_step: float
+    band: Mapping[str, Cell] = dataclasses.field(default_factory=dict)
 
     @property
     def pressure(self) -> float:

@@ -141,6 +141,17 @@ def _named_term(column: str, device: Actuator | None) -> Term | None:
     return None
 
 
+def _band_term(column: str, device: Actuator | None) -> Term | None:
+    name, unit = split(column)
+    if not name.endswith("_95") or not unit:
+        return None
+    whole = term(f"{name.removesuffix('_95')}{column.removeprefix(name)}", device)
+    kept = "at the same added volume" if name == "pressure_95" else "at the same requested value"
+    return described(
+        column, (f"band of the {whole.name}", f"half the 95 % interval that the material's errors make, {kept}")
+    )
+
+
 def _extremes(name: str) -> list[Column]:
     """The columns of an output field's least and largest values."""
     field = next(field for field in FIELDS if field.name == name)
@@ -184,6 +195,9 @@ def _gas(case: Case) -> bool:
 DEVICE = Columns(lambda s: s.figures.device, _device_term)
 NAMED = Columns(lambda s: {}, _named_term)
 """Named points and angles: their values are among the device's."""
+
+BAND = Columns(lambda s: s.band, _band_term)
+"""Last in the file."""
 
 COLUMNS: list[Column | Columns] = [
     Column("step", "step", "number of the state along the path, from rest", lambda s: s.number),
@@ -240,5 +254,6 @@ COLUMNS: list[Column | Columns] = [
            "of the tangent at this pressure; zero where stability is lost", _eigenvalue),
     Column("following", "following", "what the step followed: pressure, volume, a supply's line or the arc length",
            lambda s: s.point.line),
+    BAND,
 ]  # fmt: skip
 """In the order of the file."""

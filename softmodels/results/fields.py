@@ -99,7 +99,7 @@ class Fields:
         eq, values = self.system, self.values(state)
         actuator, u = eq.body.actuator, values.displacement
         lift = np.asarray(actuator.lift)
-        moved = {name: self._at(u, node) for name, node in self._probes.items()}
+        moved = self.probes_moved(state.w)
         named = {name: self._moved(state, one) for name, one in self._followed.items()}
         places = {name: one.place for name, one in self._followed.items()}
         extremes = {field.name: self._extremes(field.sampled(values)) for field in FIELDS if field.sampled is not None}
@@ -139,6 +139,11 @@ class Fields:
         near = float(distance[node]) if node >= 0 else math.inf
         closest = -largest(eq.comm, -near)
         return node if near == closest and closest < 1e-6 * eq.length_unit else -1
+
+    def probes_moved(self, w: Array) -> dict[str, Array]:
+        """Displacement (3,) in m of each probe in device coordinates, of dofs or of a change of them, on all ranks."""
+        u = self.sampling.displacement(w)
+        return {name: self._at(u, node) for name, node in self._probes.items()}
 
     def _at(self, u: Array, node: int) -> Array:
         """Displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""

@@ -33,6 +33,7 @@ def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
         *contact_notes(case, rows),
         *depth_notes(case, rows),
         *place_notes(case, rows),
+        *band_notes(rows),
     ]
 
 
@@ -50,6 +51,18 @@ def law_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         f"{most:.3g}: what is unstable there may be the law and not the device; see softmodels curve, and take a law that "
         "passes within this range"
     ]
+
+
+def band_notes(rows: Sequence[Row]) -> list[str]:
+    """Between which pressures a limit point lies by the material's errors: a sentence, none where they are not known."""
+    for row in rows:
+        half = row.get("pressure_95_cm", math.nan)
+        if row.get("limit") and not math.isnan(half):
+            low, high = row["pressure_cm"] - half, row["pressure_cm"] + half
+            return [
+                f"by the errors of the fitted material the limit point lies between {low:.4g} and {high:.4g} cm (95 %)"
+            ]
+    return []
 
 
 def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:

@@ -13,6 +13,7 @@ from geometries import Actuator
 from measurement.units import WATER_DENSITY, UnitError, brief, pascal_per_cm, quantity
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
+from softmodels.case.material_errors import MaterialErrors
 from softmodels.case.ranges import SeriesError, series
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
@@ -38,6 +39,7 @@ class Options(TypedDict, total=False):
     sheet: Sheet
     obstacle: Obstacle
     parts: Sequence[Part]
+    band: MaterialErrors
     cycle: bool
     program: Program
     gauges: Gauges

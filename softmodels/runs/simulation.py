@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
     from softmodels.path.quantities import Quantity
+    from softmodels.results.band import Band
     from softmodels.results.fields import Fields
 
 Array = npt.NDArray[np.float64]
@@ -106,8 +107,15 @@ class Simulation:
                 system = System(self.body, case.material, case.formulation, case.sheet, case.obstacle, case.parts)
                 self.solver = Solver(system)
                 self.fields = Fields(self.solver, case.gauges)
+                self._band = self._make_band()
         except (BodyError, CompilingError, PartError) as error:
             raise RunError(str(error)) from error
+
+    def _make_band(self) -> Band | None:
+        from softmodels.results.band import Band
+
+        case = self.case
+        return None if case.band is None else Band(self.fields, case.band, case.cm, bool(case.volumes_ml))
 
     def describe(self) -> None:
         """Report what is solved: followed points, sizes, and how far the law can be trusted."""
@@ -254,7 +262,8 @@ class Simulation:
         else:
             more = fields.raw(point.state, point.tangent)
         whole = None if nodal is None or more is None else {**nodal, **more}
-        row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, whole or {}, number, come)))
+        band = self._band.cells(point) if self._band else {}
+        row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, whole or {}, number, come, band)))
         return Step(row, whole, restart_of(point))
 
 

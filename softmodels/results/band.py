@@ -1,0 +1,110 @@
+"""The 95 % band around a path that the errors of a fitted material make, to first order.
+
+A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). With the cavity's
+volume kept that is regular at limit points too, and there the pressure's band is that of the limit itself. With the pressure
+kept, as a reader of a curve over the pressure does, the state slides along the path by what the pressure has changed; near a
+limit point that grows without bound.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.case.material_errors import MaterialErrors
+from softmodels.mechanics.controls import volume_control
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.sensitivity import Sensitivity
+from softmodels.path.points import Point
+from softmodels.results.fields import Fields
+from softmodels.results.terms import split
+
+Array = npt.NDArray[np.float64]
+
+DEVIATIONS = 1.959964
+"""Half the width of a 95 % interval in standard deviations."""
+TOLERANCE = 1e-6
+"""Of the linear solver."""
+SMALL = 1e-3
+"""Share of a standard deviation over which the device's own figures are differenced."""
+
+
+class Band:
+    """Bands of a device's states.
+
+    Args:
+        fields: The device.
+        errors: Of its material.
+        pascal_per_cm: Pa in one cm of the column.
+        by_volume: Whether volumes are requested: rises are then told at the same volume, else at the same pressure.
+    """
+
+    def __init__(self, fields: Fields, errors: MaterialErrors, pascal_per_cm: float, by_volume: bool):
+        self.fields, self.errors, self.cm, self.by_volume = fields, errors, pascal_per_cm, by_volume
+        self._sensitivity = Sensitivity(fields.solver)
+
+    def cells(self, point: Point) -> dict[str, float | None]:
+        """Half widths of the 95 % intervals at a point of the path, columns of ``path.csv``; None where there is none.
+
+        Called by all ranks.
+        """
+        try:
+            moves = [] if point.bifurcation else [self._move(point, root) for root in self.errors.roots.T]
+        except NoConvergence:
+            moves = []
+        if not moves:
+            return dict.fromkeys(self._columns())
+        found = {name: np.array([move[name] for move in moves]) for name in moves[0]}
+        at_rest = point.state.P == 0.0 and self.fields.rest_volume == point.state.V
+        widths = {
+            name: 0.0 if at_rest else DEVIATIONS * float(np.linalg.norm(values)) for name, values in found.items()
+        }
+        return {name: width if math.isfinite(width) else None for name, width in widths.items()}
+
+    def _columns(self) -> list[str]:
+        actuator = self.fields.system.body.actuator
+        figures = actuator.device_figures(actuator.probes)
+        return ["pressure_95_cm", "added_volume_95_ml", *(_named(f"{probe}_mm") for probe in actuator.probes),
+                *map(_named, figures)]  # fmt: skip
+
+    def _move(self, point: Point, root: Array) -> dict[str, float]:
+        """What changes as the parameters do by ``root`` (SI units), by column."""
+        eq, fields, state = self.fields.system, self.fields, point.state
+        eq.load(state)
+        force, dmu = np.zeros(eq.n), 0.0
+        for name, change in zip(self.errors.names, root, strict=True):
+            own, slope = self._sensitivity.material_force(name)
+            force += change * own
+            dmu += change * slope
+        moved = fields.solver.aside(state, volume_control(state.V), -force, TOLERANCE)
+        mu = eq.stress_unit
+        dP, w, dV = moved.P * mu + state.P * dmu, moved.w, 0.0
+        if not self.by_volume:
+            slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
+            w = w + slide * point.tangent.w
+            dV = slide * point.tangent.V * eq.volume_unit
+        return {"pressure_95_cm": dP / self.cm, "added_volume_95_ml": 1e6 * dV, **self._rises(state.w, w)}
+
+    def _rises(self, w: Array, change: Array) -> dict[str, float]:
+        """Changes of the probes' rises in mm and of the device's own figures, as the dofs change."""
+        fields, actuator = self.fields, self.fields.system.body.actuator
+        shifts = fields.probes_moved(change)
+        found = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
+        if not all(np.isfinite(shift).all() for shift in shifts.values()):
+            return found | {_named(name): math.inf for name in actuator.device_figures(actuator.probes)}
+        now = fields.probes_moved(w)
+        ends = []
+        for sign in (1.0, -1.0):
+            places = {
+                name: np.asarray(actuator.probes[name]) + now[name] + sign * SMALL * shifts[name] for name in shifts
+            }
+            ends.append(actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in places.items()}))
+        return found | {_named(name): (ends[0][name] - ends[1][name]) / (2 * SMALL) for name in ends[0]}
+
+
+def _named(column: str) -> str:
+    """Column of the band of another: ``apex_95_mm`` of ``apex_mm``."""
+    name = split(column)[0]
+    return f"{name}_95{column.removeprefix(name)}"

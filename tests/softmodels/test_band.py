@@ -1,0 +1,111 @@
+"""The 95 % band of a fitted material's errors around a path, against paths of other materials."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import softmodels as sm
+from softmodels.case.case import Case, CaseError
+from softmodels.case.material_errors import MaterialErrors
+from softmodels.results.columns import term
+from softmodels.results.notes import band_notes
+
+DISK = sm.HollowDisk(section="axisymmetric", membrane=0.003)
+C1, C2 = 14e3, 60.0
+COVARIANCE = ((700.0**2, -0.8 * 700.0 * 8.0), (-0.8 * 700.0 * 8.0, 8.0**2))
+ERRORS = MaterialErrors(("c1", "c2"), COVARIANCE)
+
+
+def law(c1=C1, c2=C2):
+    return sm.Yeoh(c1, c2, 0.0, 0.49)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return sm.inflate(DISK, law(), "0,30,200 cm", band=ERRORS)
+
+
+def half(slopes):
+    return 1.959964 * np.sqrt(slopes @ np.array(COVARIANCE) @ slopes)
+
+
+def slopes(value):
+    """Central differences of what a run with other parameters gives."""
+    c1, c2 = 0.002 * C1, 0.02 * C2
+    return np.array([(value(law(C1 + c1)) - value(law(C1 - c1))) / (2 * c1),
+                     (value(law(c2=C2 + c2)) - value(law(c2=C2 - c2))) / (2 * c2)])  # fmt: skip
+
+
+@pytest.mark.parametrize("column", ["apex_mm", "ceiling_mm", "added_volume_ml"])
+def test_at_the_same_pressure(run, column):
+    found = next(row for row in run.rows if row["requested"] and row["pressure_cm"] == 30.0)
+    expected = half(slopes(lambda other: sm.inflate(DISK, other, "30 cm").rows[-1][column]))
+    name, unit = column.rsplit("_", 1)
+    assert found[f"{name}_95_{unit}"] == pytest.approx(expected, rel=2e-4)
+
+
+def test_the_limit_point(run):
+    """There the pressure at the same volume is the highest one, of every material near by."""
+    row = next(row for row in run.rows if row["limit"])
+    expected = half(slopes(lambda other: sm.limit(DISK, other).pressure))
+    assert row["pressure_95_cm"] * run.case.cm == pytest.approx(expected, rel=1e-3)
+    (note,) = band_notes(run.rows)
+    low, high = row["pressure_cm"] - row["pressure_95_cm"], row["pressure_cm"] + row["pressure_95_cm"]
+    assert f"between {low:.4g} and {high:.4g} cm" in note
+
+
+def test_at_the_same_volume():
+    rows = sm.inflate(DISK, law(), volumes="2 ml", band=ERRORS).rows
+    expected = half(slopes(lambda other: sm.inflate(DISK, other, volumes="2 ml").rows[-1]["apex_mm"]))
+    assert rows[-1]["apex_95_mm"] == pytest.approx(expected, rel=1e-3)
+    assert rows[-1]["added_volume_95_ml"] == 0.0 and rows[0]["apex_95_mm"] == 0.0
+
+
+def test_the_path_is_as_without(run):
+    plain = sm.inflate(DISK, law(), "0,30,200 cm")
+    assert [row["apex_mm"] for row in plain.rows] == [row["apex_mm"] for row in run.rows]
+    assert term("apex_95_mm", DISK).name == "band of the rise of the apex"
+
+
+def test_in_case_files(tmp_path):
+    case = Case("disk", DISK, law(), pressures_cm=(10.0,), band=ERRORS)
+    assert Case.from_toml(case.to_toml()).band == ERRORS
+    fitted = tmp_path / "fitted.toml"
+    fitted.write_text(
+        '[material]\nlaw = "yeoh"\nc1 = "14 kPa"\nc2 = "60 Pa"\npoisson = 0.49\n'
+        "[fit]\nintervals_95 = { c1 = [13000.0, 15000.0], c2 = [50.0, 70.0] }\n"
+    )
+    text = dataclasses.replace(case, band=None).to_toml() + f"[band]\nfile = '{fitted}'\n"
+    found = Case.from_toml(text).band
+    assert np.sqrt(np.diag(found.matrix)) == pytest.approx([1000 / 1.959964, 10 / 1.959964], rel=1e-9)
+    with pytest.raises(CaseError, match="another material"):
+        dataclasses.replace(case, material=law(15e3), band=found)
+
+
+@pytest.mark.parametrize(
+    ("band", "words"),
+    [
+        ({"names": ("c1", "c9")}, "errors of c9"),
+        ({"covariance": ((1.0, 0.0),)}, "covariance is not one"),
+        ({"covariance": ((1.0, 2.0), (0.0, 1.0))}, "covariance is not one"),
+        ({"covariance": ((1.0, 0.0), (0.0, -1.0))}, "covariance is not one"),
+        ({"covariance": ((1.0, 0.0), (0.0, float("inf")))}, "covariance is not one"),
+    ],
+)
+def test_what_is_no_error(band, words):
+    with pytest.raises(CaseError, match=words):
+        Case("disk", DISK, law(), pressures_cm=(10.0,), band=dataclasses.replace(ERRORS, **band))
+
+
+@pytest.mark.parametrize("table", ["[band]", "[band]\nfile = 3", "[band]\nwidth = 2", "[band]\nfile = 'nowhere.toml'"])
+def test_tables_that_are_no_band(table):
+    with pytest.raises(CaseError):
+        Case.from_toml(Case("disk", DISK, law(), pressures_cm=(10.0,)).to_toml() + table)
+
+
+def test_no_band_of_a_cycle():
+    with pytest.raises(CaseError, match="a band is told of states"):
+        Case("disk", DISK, law(), pressures_cm=(10.0,), cycle=True, band=ERRORS)
