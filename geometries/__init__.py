@@ -24,6 +24,7 @@ with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullconte
     from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
     from geometries.imported import ImportedActuator
     from geometries.imported_mesh import ImportedMesh
+    from geometries.membrane import Membrane
     from geometries.pneunet import PneuNet
     from geometries.registry import ACTUATORS, register
     from geometries.seminar import SeminarActuator
@@ -39,6 +40,7 @@ __all__ = [
     "HollowDisk",
     "ImportedActuator",
     "ImportedMesh",
+    "Membrane",
     "MeshFileError",
     "MeshingError",
     "MeshingStopped",

@@ -23,6 +23,7 @@ from geometries.errors import GeometryError, MeshingError
 from geometries.fields import settle
 from geometries.mirroring import Mirror
 from geometries.parting import Castable
+from geometries.presented import Presented
 
 __all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
 
@@ -61,7 +62,7 @@ class Hold:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Actuator(Designable, Castable, ABC):
+class Actuator(Designable, Castable, Presented, ABC):
     """A soft body around one air-filled cavity.
 
     Subclasses are frozen dataclasses whose fields come from `geometries.fields`.
@@ -76,23 +77,14 @@ class Actuator(Designable, Castable, ABC):
     lift: ClassVar[Vector] = (0.0, 0.0, 1.0)
     """Direction in which the membrane rises."""
 
-    stem: ClassVar[str] = "device"
-    """Name of its result files and default folder where a case has no name."""
-
     axial: ClassVar[bool] = False
     """Whether it is a body of revolution around z, of which pictures may leave out any part of the circle."""
 
     faces: ClassVar[tuple[str, ...]] = ()
     """Physical groups on the outside that a thin sheet can be bonded to."""
 
-    stiffer: ClassVar[str] = "thicker walls"
-    """What bears more pressure before it balloons, with the options; a clause for messages."""
-
     meshed: ClassVar[bool] = False
     """Whether `build` leaves a mesh, which is taken as it is."""
-
-    examples: ClassVar[tuple[str, ...]] = ()
-    """Options worth showing in a command's help."""
 
     def __post_init__(self) -> None:
         settle(self)
@@ -203,6 +195,11 @@ class Actuator(Designable, Castable, ABC):
     def solid_volume(self) -> float:
         """Volume in m3 of the whole device's undeformed solid, in closed form."""
 
+    @property
+    def chamber_volume(self) -> float:
+        """The part of `cavity_volume` in m3 that rigid things around the device enclose, beyond what its own walls do."""
+        return 0.0
+
     @abstractmethod
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell which undeformed points lie on the outline that a camera sees from the side.
@@ -213,6 +210,10 @@ class Actuator(Designable, Castable, ABC):
         Returns:
             Mask of shape (n,).
         """
+
+    def along_profile(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Numbers (n,) that rise along the outline, of points on it: the distance from the axis unless a device overhangs."""
+        return np.asarray(np.hypot(points[:, 0], points[:, 1]))
 
     deviations: ClassVar[Mapping[str, str]] = {}
     """Ways in m, zero as drawn, in which a workshop makes another device than its parameters say: what each is, a clause."""

@@ -81,6 +81,7 @@ class HollowDisk(Actuator):
     support: str = choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
 
     stem: ClassVar = "disk"
+    pressures: ClassVar = "0:177"
     axial: ClassVar = True
     faces: ClassVar = ("top",)
     stiffer: ClassVar = "a thicker membrane (--membrane), a smaller cavity (--cavity-radius)"

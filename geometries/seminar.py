@@ -94,6 +94,8 @@ class SeminarActuator(Actuator):
     tip: str = choice_field("free", ("free", "held"), "tip free to move, or its rounding held along z (blocked force)")
 
     stem: ClassVar = "seminar"
+    pressures: ClassVar = "0:177"
+    silicone: ClassVar = "ecoflex-00-30"
     faces: ClassVar = ("top", "bottom")
     stiffer: ClassVar = "narrower channels (--end-bore, --manifold-bore), a thicker slab (--thickness)"
     examples: ClassVar = (

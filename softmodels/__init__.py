@@ -27,6 +27,7 @@ _PLACES = {
         "SeminarActuator",
         "ImportedActuator",
         "ImportedMesh",
+        "Membrane",
         "GeometryError",
         "MeshFileError",
         "MeshingError",
@@ -72,6 +73,7 @@ if TYPE_CHECKING:
     from geometries import HollowDisk as HollowDisk
     from geometries import ImportedActuator as ImportedActuator
     from geometries import ImportedMesh as ImportedMesh
+    from geometries import Membrane as Membrane
     from geometries import MeshFileError as MeshFileError
     from geometries import MeshingError as MeshingError
     from geometries import SeminarActuator as SeminarActuator

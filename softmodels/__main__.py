@@ -11,17 +11,16 @@ with stoppable("softmodels", speaks):
     import click
 
     from softmodels import __version__
-    from softmodels.case.case import Case
     from softmodels.cli import limit_command
     from softmodels.cli import mould as mould_command
     from softmodels.cli import options as commandline
-    from softmodels.cli.case_options import taken
     from softmodels.cli.curve_command import curve
     from softmodels.cli.demo import demo
     from softmodels.cli.design import design
     from softmodels.cli.examples import examples
     from softmodels.cli.export import command as export_command
     from softmodels.cli.fit_command import fit_material
+    from softmodels.cli.run_command import run
     from softmodels.cli.score_command import score
     from softmodels.cli.silicone_command import silicones
 
@@ -34,6 +33,7 @@ def softmodels() -> None:
     \b
     python -m softmodels.disk --help    the disk actuator
     softmodels run case.toml            repeat a run from its case file
+    softmodels run --device Membrane --pressure-cm 0:20   inflate any device of the library
     softmodels limit --help             how much pressure a design can bear
     softmodels design problem.toml      the device that does best what is asked for, within its limits
     softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
@@ -49,17 +49,7 @@ def softmodels() -> None:
     """
 
 
-@softmodels.command("run")
-@click.argument("file", type=click.Path(path_type=Path))
-@commandline.run_options
-def run_file(file: Path, **values: object) -> None:
-    """Run a case FILE, such as the case.toml in a folder of results.
-
-    The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
-    """
-    commandline.execute(lambda: Case.from_file(file), taken(commandline.RunOptions, values), [file])
-
-
+softmodels.add_command(run)
 softmodels.add_command(limit_command.command)
 softmodels.add_command(mould_command.command)
 softmodels.add_command(export_command)

@@ -10,7 +10,6 @@ with stoppable("softmodels", speaks):
 command = device_command(
     HollowDisk,
     "softmodels.disk",
-    pressures="0:177",
     examples=(
         "--pressure-cm 0:177:10 --section axisymmetric",
         "--pressure-cm 0:20 --variant shadow --material ecoflex-00-30",

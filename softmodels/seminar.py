@@ -10,8 +10,6 @@ with stoppable("softmodels", speaks):
 command = device_command(
     SeminarActuator,
     "softmodels.seminar",
-    pressures="0:177",
-    default="ecoflex-00-30",
     examples=(
         "--pressure-cm 0,70,130,177 --thickness 9mm",
         "--pressure-cm 0:100 --channels 7 --spread 120deg --material dragon-skin-10-medium",

@@ -83,20 +83,19 @@ def run_options[Command: Callable[..., object]](command: Command) -> Command:
 def device_command(
     device: type[Actuator],
     module: str,
-    pressures: str,
     examples: tuple[str, ...],
-    default: str | None = None,
+    pressures: str = "",
 ) -> click.Command:
     """The click command of one actuator.
 
     Args:
-        device: Its class.
+        device: Its class; where no material is given it is made of its `Actuator.silicone`.
         module: How it is started, such as ``softmodels.disk``.
-        pressures: The pressures shown in the help.
         examples: Options of further examples in the help.
-        default: The silicone when none is given; None for the default law.
+        pressures: The pressures shown in the help; the device's own if empty.
     """
-    options = CaseOptions(device, default)
+    options = CaseOptions(device, device.silicone)
+    pressures = pressures or device.pressures
 
     def command(**values: object) -> None:
         how = taken(RunOptions, values)

@@ -69,7 +69,8 @@ class DesignedBody:
 
     def volume_at_rest(self) -> float:
         """Dimensionless volume that the pressure works on, of the undeformed device as the mesh shows it now."""
-        return self.system.integral(self._rest_volume)
+        system, chambers = self.system, self.system.body.chambers
+        return system.integral(self._rest_volume) + float(system.coupling.shares[: len(chambers)] @ chambers)
 
     def face_load(self, role: str) -> Array:
         """A unit load along the lift, spread evenly over a role: owned entries; see `mechanics.face_load`."""

@@ -212,6 +212,14 @@ class Body:
         integrand, ds = self.volume_integrand(w), self._on_facets(self.cavity)
         return [integrand * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
 
+    @property
+    def chambers(self) -> npt.NDArray[np.float64]:
+        """Volumes that rigid things enclose beside the cavities' walls, shape (k,); dimensionless, of the slice."""
+        actuator = self.actuator
+        found = np.zeros(len(actuator.ratios))
+        found[0] = actuator.chamber_volume / (actuator.size**3 * actuator.copies)
+        return found
+
     def _constant_inverse(self) -> fem.Constant:
         from dolfinx import fem
 

@@ -225,7 +225,7 @@ class System:
 
     def volumes(self) -> Array:
         """Volume of each cavity in the current state."""
-        return np.array([self.integral(volume) for volume in self._volumes])
+        return np.array([self.integral(volume) for volume in self._volumes]) + self.body.chambers
 
     def forces_and_loads(self) -> list[tuple[fem.Form, float]]:
         """The potential's derivative by w in the current state: compiled forms with their factors."""

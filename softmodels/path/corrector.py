@@ -38,7 +38,7 @@ class Corrector:
         """Direction at a state, kept pointing forward; measured square to the last direction, so regular at limits."""
         if self.trail.points:
             last = self.trail.last
-            line = self.plane.square_to(last.tangent, last.state)
+            line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
         else:
             line = Control(1 / self.plane.V_scale, 1.0, 0.0)
         return self.solver.tangent(state, line, tolerance)
@@ -105,7 +105,8 @@ class Corrector:
             NoConvergence: It lies there.
         """
         s, t = self.trail.last.state, self.trail.last.tangent
-        along = self.plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
+        plane = self.plane.stiffened(self.trail.last.stiffest)
+        along = plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
         if (self.solver.system.volumes() <= 0.0).any() or along <= 0.0:
             raise NoConvergence("it jumped to another branch")
         if not self.solver.system.potential.admits(s.w, state.w):

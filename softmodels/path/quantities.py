@@ -32,6 +32,14 @@ class Plane:
     V_scale: float
     P_scale: float
 
+    def stiffened(self, compliance: float) -> Plane:
+        """The plane of a device as it is at its stiffest: of a flat membrane the scale of its rest says nothing any more.
+
+        Args:
+            compliance: Smallest dV/dP on the path.
+        """
+        return dataclasses.replace(self, P_scale=max(self.P_scale, self.V_scale / compliance))
+
     def product(self, a: tuple[float, float], b: tuple[float, float]) -> float:
         """Inner product of two changes (dV, dP)."""
         return a[0] * b[0] / self.V_scale**2 + a[1] * b[1] / self.P_scale**2

@@ -33,13 +33,13 @@ def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
         actuator: The device; tells which nodes lie on the outline.
 
     Returns:
-        Distance from the axis and height, both deformed and in m, shape (k, 2), sorted by the undeformed distance.
+        Distance from the axis and height, both deformed and in m, shape (k, 2), in order along the undeformed outline.
     """
     here = actuator.on_profile(points)
     start, moved = points[here], displacement[here]
     radius = np.hypot(start[:, 0], start[:, 1])
-    order = np.argsort(radius)
-    along = start[order[-1], :2] / radius[order[-1]]
+    order = np.argsort(actuator.along_profile(start))
+    along = start[radius.argmax(), :2] / radius.max()
     return np.column_stack([radius + moved[:, :2] @ along, start[:, 2] + moved[:, 2]])[order]
 
 

@@ -22,12 +22,14 @@ class Elements:
         nodes: All node tags of the group, unique.
         measure: Length, area or volume, curved edges included; 0 for points.
         flux: Integral of x . n, with n = first tangent x second tangent (surfaces only).
+        turned: Integral of 2 pi x: the volume of a section turned around the axis (surfaces only).
     """
 
     corners: np.ndarray
     nodes: np.ndarray
     measure: float = 0.0
     flux: float = 0.0
+    turned: float = 0.0
 
 
 @dataclasses.dataclass
@@ -57,7 +59,8 @@ def read_mesh(path: Path) -> Mesh:
             parts = [_entity(dimension, tag, mesh) for tag in gmsh.model.getEntitiesForPhysicalGroup(dimension, group)]
             corners = np.concatenate([part.corners for part in parts])
             nodes = np.unique(np.concatenate([part.nodes for part in parts]))
-            total = Elements(corners, nodes, sum(part.measure for part in parts), sum(part.flux for part in parts))
+            sums = (sum(getattr(part, name) for part in parts) for name in ("measure", "flux", "turned"))
+            total = Elements(corners, nodes, *sums)
             mesh.groups[dimension, gmsh.model.getPhysicalName(dimension, group)] = total
     return mesh
 
@@ -79,6 +82,9 @@ def _entity(dimension: int, tag: int, mesh: Mesh) -> Elements:
         tangents = jacobians.reshape(-1, len(weights), 3, 3)
         normals = np.cross(tangents[:, :, 0], tangents[:, :, 1])
         places = places.reshape(-1, len(weights), 3)
+        found.turned = float(
+            2 * np.pi * np.einsum("eq,eq,q->", determinants.reshape(-1, len(weights)), places[..., 0], weights)
+        )
         found.flux = float(np.einsum("eqi,eqi,q->", normals, places, weights))
     return found
 

@@ -1,0 +1,110 @@
+"""Clamped membranes against the membrane equations, solved by shooting (`membrane_shooting`).
+
+The equations know no bending. A wall of thickness t bends within about t of its clamp, as if the membrane were so much
+smaller: the pressure at a volume is higher by a share that goes with t. It is a percent or less once the membrane has risen by
+half its radius or more, and vanishes as t does.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from geometries import Membrane
+from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.results.fields import Fields
+
+RADIUS = 0.020
+THIN, THICK = 0.005, 0.03
+HEIGHTS = np.linspace(0.1, 1.35, 26) * RADIUS
+LAWS = {
+    "neo-hookean": (NeoHookean(30e3, 0.5), (15e3,)),
+    "yeoh": (Yeoh(15e3, 300.0, 20.0, 0.5), (15e3, 300.0, 20.0)),
+}
+EQUATIONS = "the membrane equations by shooting, thickness over radius 0.005 and 0.03"
+
+
+@pytest.fixture(scope="module")
+def shooting():
+    spec = importlib.util.spec_from_file_location("membrane_shooting", Path(__file__).with_name("membrane_shooting.py"))
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module", params=LAWS.values(), ids=LAWS)
+def apart(request, shooting, equilibrium, solved):
+    """Shares by which pressure and height differ at four volumes, by thickness over radius, shape (4, 2); and the paths."""
+    law, numbers = request.param
+    shares, paths = {}, {}
+    for ratio in (THIN, THICK):
+        membrane = Membrane(radius=RADIUS, thickness=ratio * RADIUS, cell_size=min(8 * ratio * RADIUS, 1e-3))
+        exact = shooting.CircularMembrane(RADIUS, membrane.thickness, shooting.Yeoh(*numbers)).path(HEIGHTS)
+        equations = equilibrium(membrane, law)
+        goals = np.interp(np.array([0.3, 0.6, 0.9, 1.2]) * RADIUS, HEIGHTS, [state.volume for state in exact])
+        _, points, end = solved(equations, goals / equations.system.volume_unit, "volume", "volume")
+        assert end is None
+        fields = Fields(equations)
+        known = [fields.figures(point.state) for point in points if point.requested and point.state.P]
+        found = np.array([(one.pressure, sum(one.rises.values()) / 2) for one in known])
+        table = CubicSpline([state.volume for state in exact], [(s.pressure, s.height) for s in exact])(goals)
+        shares[ratio], paths[ratio] = found / table - 1, (points, equations, exact)
+    return shares, paths
+
+
+def test_the_equations_balance_their_energy(shooting, figure):
+    """What is stored is the work of the pressure and of the weight on a plate: shooting against itself."""
+    for plate, weight in ((0.0, 0.0), (0.008, 0.1)):
+        membrane = shooting.CircularMembrane(RADIUS, 1e-3, shooting.Yeoh(15e3, 300.0), plate, weight)
+        path = membrane.path(np.linspace(5e-3, 20e-3, 31))
+        V, P, h, W = (
+            np.array([getattr(state, name) for state in path]) for name in ("volume", "pressure", "height", "energy")
+        )
+        work = CubicSpline(V, P).integrate(V[0], V[-1]) - weight * (h[-1] - h[0])
+        figure("work of pressure and weight", "energy stored by shooting", work / (W[-1] - W[0]) - 1, 1e-5)
+
+
+def test_it_follows_the_membrane_equations(apart, figure):
+    """At heights of 0.6, 0.9 and 1.2 radii of a thin one, 1.2 of a thick one: within a percent."""
+    shares, _ = apart
+    figure(EQUATIONS, "pressure at a volume, 0.005, from heights of 0.6 radii on", shares[THIN][1:, 0], 0.01)
+    figure(EQUATIONS, "height at a volume, 0.005, from heights of 0.6 radii on", shares[THIN][1:, 1], 0.01)
+    figure(EQUATIONS, "pressure at a volume, 0.03, at a height of 1.2 radii", shares[THICK][3:, 0], 0.015)
+
+
+def test_what_is_left_is_the_clamps_bending(apart, figure):
+    """The difference goes with the thickness: in proportion taken down to none, nothing is left."""
+    shares, _ = apart
+    left = shares[THIN] - (shares[THICK] - shares[THIN]) * THIN / (THICK - THIN)
+    figure(EQUATIONS, "pressure at a volume, taken to no thickness", left[:, 0], 3e-3)
+    figure(EQUATIONS, "height at a volume, taken to no thickness", left[:, 1], 3e-3)
+
+
+def test_its_stored_energy_is_the_work_of_the_air(apart, figure):
+    _, paths = apart
+    points, equations, _ = paths[THICK]
+    V, P = np.array([(point.state.V, point.state.P) for point in points]).T
+    equations.system.load(points[-1].state)
+    stored = equations.system.stored_energy()
+    figure(
+        "work of the pressure on a membrane",
+        "stored energy",
+        CubicSpline(V, P).integrate(V[0], V[-1]) / stored - 1,
+        1e-3,
+    )
+
+
+def test_its_limit_is_that_of_the_equations(shooting, equilibrium, solved, figure):
+    thickness = 0.01 * RADIUS
+    path = shooting.CircularMembrane(RADIUS, thickness, shooting.Yeoh(15e3)).path(HEIGHTS)
+    height, pressure = shooting.limit(path)
+    equations = equilibrium(Membrane(radius=RADIUS, thickness=thickness), NeoHookean(30e3, 0.5))
+    _, _, end = solved(equations, [2 * pressure / equations.system.stress_unit])
+    found = Fields(equations).figures(end.limit.state)
+    figure(EQUATIONS, "limit pressure, 0.01", found.pressure / pressure - 1, 0.01)
+    figure(EQUATIONS, "height at the limit, 0.01", found.rises["apex"] / height - 1, 0.03)
