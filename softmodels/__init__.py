@@ -37,6 +37,7 @@ _PLACES = {
     "softmodels.mechanics.contact": ("Obstacle", "ObstacleError"),
     "softmodels.mechanics.mpi": ("StartError",),
     "softmodels.mechanics.parts": ("PartError",),
+    "softmodels.mechanics.rigid": ("Rigid",),
     "softmodels.mechanics.rigid_shapes": ("RigidShape",),
     "softmodels.mechanics.sheet": ("Sheet",),
     "softmodels.mechanics.walls.part": ("Walls",),
@@ -105,6 +106,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.contact import ObstacleError as ObstacleError
     from softmodels.mechanics.mpi import StartError as StartError
     from softmodels.mechanics.parts import PartError as PartError
+    from softmodels.mechanics.rigid import Rigid as Rigid
     from softmodels.mechanics.rigid_shapes import RigidShape as RigidShape
     from softmodels.mechanics.sheet import Sheet as Sheet
     from softmodels.mechanics.walls.part import Walls as Walls

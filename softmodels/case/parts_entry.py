@@ -10,6 +10,7 @@ from geometries.errors import FieldError
 from geometries.kinds import Text
 from softmodels.case import region as _region  # noqa: F401 - registers itself
 from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, table_of
+from softmodels.mechanics import rigid  # noqa: F401 - a kind of part
 from softmodels.mechanics.parts import PARTS, Part, PartError
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.walls.part import Walls

@@ -46,7 +46,7 @@ class Bifurcation:
     Attributes:
         V: Its dimensionless volume, ``P`` its pressure.
         states: On both sides, in order of their volumes.
-        modes: Their modes, each of length 1 in the norm of `Stability.M`; local dofs.
+        modes: Their modes, each of length 1 in the norm of `Stability.mass`; local dofs.
         eigenvalues: Theirs.
     """
 
@@ -103,7 +103,7 @@ class Bifurcations:
                 state = found
                 value, shape = Stability.of(self.solver).like(found, mode)
                 states.append(found)
-                modes.append(shape / Mode(Stability.of(self.solver).M, shape).length)
+                modes.append(shape / Mode(Stability.of(self.solver).mass, shape).length)
                 values.append(value)
             cubic = Cubic([found.V for found in states])
             root = cubic.root(np.array(values), V)

@@ -53,6 +53,7 @@ class Newton:
         self._iterate = np.empty(0)
         self._since: Array | None = None
         self._anchor: Array | None = None
+        self._force: PETSc.Vec | None = None  # whose path from the anchor on is given
         self.control: Curve = Control(0.0, 1.0, 0.0)
         self.x, self.f, self._y = bordered.vector(), bordered.vector(), system.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(system.comm)
@@ -76,7 +77,7 @@ class Newton:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
         self.control, self._since = control, since
-        self.bordered.join(self.x, w[: self.system.n], [P, *w[self.system.dofs :]])
+        self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
         self.snes.solve(None, self.x)
         reason: Any = self.snes.getConvergedReason()  # an int, whatever its stub has
         if reason <= 0:
@@ -86,11 +87,11 @@ class Newton:
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> Array:
         """The same where ``force . (w - anchor)`` is given; see `Solver.solve_along`."""
-        self.bordered.row, self._anchor = force, anchor
+        self.bordered.row, self._force, self._anchor = force.copy(), force, anchor
         try:
             return self.solve(Control(1.0, 0.0, amount), w, P)
         finally:
-            self.bordered.row = self._anchor = None
+            self.bordered.row = self._force = self._anchor = None
 
     # -- PETSc calls these ----------------------------------------------------------------------------------------------
 
@@ -118,9 +119,11 @@ class Newton:
         """How far the current state has gone from the anchor along its force."""
         assert self._anchor is not None
         n, row = self.system.n, self.bordered.row
-        assert row is not None
+        assert row is not None and self._force is not None
         self._y.array_w[:] = self.system.w.x.array[:n] - self._anchor[:n]
-        return float(row.dot(self._y))
+        self._force.copy(row)
+        self.system.unknowns.pull(row.array_w)
+        return float(self._force.dot(self._y))
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         self._take_iterate(x)

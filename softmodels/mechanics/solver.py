@@ -124,7 +124,7 @@ class Solver:
         """Find the state with ``force . (w - anchor) = amount`` at whatever pressure, starting from the guess (w, P).
 
         Args:
-            force: PETSc vector of the body's unknowns.
+            force: PETSc vector of the body's owned dofs.
             anchor: Dofs from which the amount is counted, shape as `State.w`.
             amount: What the equation asks for; takes the volume's place in a control.
             w: Guess of the dofs, shape as `State.w`.
@@ -198,7 +198,7 @@ class Solver:
         bordered = self.bordered
         body, pressures = bordered.split(self.newton.x)
         direction = self.system.potential.direction.x
-        direction.array[: self.system.n] = body
+        self.system.unknowns.push(body, direction.array)
         direction.scatter_forward()
         self._y.array_w[:] = body
         w = np.concatenate([direction.array, pressures[1:]])

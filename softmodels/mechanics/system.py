@@ -17,6 +17,7 @@ import numpy.typing as npt
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.assembled import AssembledTerms
+from softmodels.mechanics.assembly import Assembly
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.coupling import Coupling
@@ -26,6 +27,7 @@ from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.region_space import matrix_of
 from softmodels.mechanics.regions import check_compressible
+from softmodels.mechanics.rigid_nodes import unknowns_of
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -57,7 +59,7 @@ class State:
     iterations: int = 0
 
 
-class System:
+class System(Assembly):
     """The discrete equations of a body.
 
     Args:
@@ -72,7 +74,8 @@ class System:
         potential: What all of it is derived from.
         w: The current state's unknowns; P and ``pressures`` go with it.
         K: Matrix with the pattern of the tangent.
-        n: Number of owned unknowns; ``dofs`` counts ghosts too.
+        n: Number of owned dofs; ``dofs`` counts ghosts too.
+        unknowns: What Newton's method solves for in place of w: vectors of K's size are of these.
         coupling: How the drivers are coupled: the cavities' pressures and volumes, then the dead loads and what they move.
         dead: The dead loads.
 
@@ -109,7 +112,9 @@ class System:
         held = body.held(self.vectors)
         self.bcs = [fem.dirichletbc(np.array(0.0), dofs, self.vectors.sub(i)) for i, dofs in held]
         self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
-        self.K: PETSc.Mat = matrix_of(self.space, self._tangent[: len(self.potential.regions)])
+        self._whole: PETSc.Mat = matrix_of(self.space, self._tangent[: len(self.potential.regions)])
+        self.unknowns = unknowns_of(body, self.space, self.bcs, parts)
+        self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
         self._vector = fem.Function(self.space)
         self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
         self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
@@ -179,12 +184,13 @@ class System:
     def load(self, state: State) -> None:
         """Make ``state`` the current state of the functions."""
         self.w.x.array[:] = state.w[: self.dofs]
+        self.unknowns.take(self.w.x.array)
         self.potential.foresee(state.w)
         self._set_pressures(state.P, state.w[self.dofs :])
 
     def set_iterate(self, owned: Array, scalars: Array) -> None:
-        """Make owned dofs, P and the held cavities' pressures the current state of the functions."""
-        self.w.x.array[: self.n] = owned
+        """Make unknowns, P and the held cavities' pressures the current state of the functions."""
+        self.unknowns.place(owned, self.w.x.array)
         self.w.x.scatter_forward()
         self._set_pressures(float(scalars[0]), scalars[1:])
 
@@ -227,10 +233,6 @@ class System:
         """Volume of each cavity in the current state."""
         return np.array([self.integral(volume) for volume in self._volumes]) + self.body.chambers
 
-    def forces_and_loads(self) -> list[tuple[fem.Form, float]]:
-        """The potential's derivative by w in the current state: compiled forms with their factors."""
-        return [*((form, 1.0) for form in self._internal), *zip(self._loads, -self.pressures, strict=True)]
-
     def stored_energy(self) -> float:
         """Energy stored in the body in the current state."""
         return sum(self.integral(form) for form in self._stored) + self.assembled.energy(self.w.x.array)
@@ -244,57 +246,8 @@ class System:
         values = self._J.eval(self.body.mesh, self.cells)
         return -largest(self.comm, -float(values.min()) if values.size else -math.inf)
 
-    # -- assembly in the current state --------------------------------------------------------------------------------
-
     def integral(self, form: fem.Form) -> float:
         """Value of a compiled form without arguments, over all ranks."""
         from dolfinx import fem
 
         return total(self.comm, fem.assemble_scalar(form))
-
-    def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
-        """Sum of assembled linear forms, owned entries, zero at held dofs unless these are asked for.
-
-        It is a view that the next call overwrites.
-        """
-        from dolfinx import fem, la
-
-        b = self._vector.x
-        b.array[:] = 0.0
-        for form in forms:
-            fem.assemble_vector(b.array, form)
-        b.scatter_reverse(la.InsertMode.add)
-        for bc in [] if held else self.bcs:
-            bc.set(b.array, alpha=0.0)
-        return b.array[: self.n]
-
-    def internal_forces(self) -> Array:
-        """Derivative of the stored energy, owned entries; a view that the next assembly overwrites."""
-        return self.assembled.add_forces(self.w.x.array, self.assemble(self._internal))
-
-    def pressure_loads(self) -> Array:
-        """Each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
-        return np.array([self.assemble([load]).copy() for load in self._loads])
-
-    def assemble_tangent(self) -> None:
-        """Put the current state's tangent into K."""
-        from dolfinx.fem import petsc as fem_petsc
-
-        self.K.zeroEntries()
-        for form in self._tangent:
-            fem_petsc.assemble_matrix(self.K, form, bcs=self.bcs)
-            self.K.assemble(self.K.AssemblyType.FLUSH)  # held dofs' diagonal is put in, the rest is added up
-        self.K.assemble()
-        self.assembled.add_to(self.K, self.w.x.array)
-
-    def tangent_product(self, x: Array, y: Array) -> None:
-        """Put the current state's tangent times x into y. Cheaper than assembling the matrix, and only good for products."""
-        d = self.potential.direction.x
-        d.array[: self.n] = x
-        for bc in self.bcs:
-            bc.set(d.array, alpha=0.0)
-        d.scatter_forward()
-        y[:] = self.assembled.add_product(self.w.x.array, d.array, self.assemble(self._product))
-        for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
-            dofs, owned = bc.dof_indices()
-            y[dofs[:owned]] = x[dofs[:owned]]

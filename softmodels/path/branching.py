@@ -45,7 +45,7 @@ class Branch:
         self.path, self.start, self.sign = path, bifurcation, sign
         assert bifurcation.mode is not None
         self.shape = bifurcation.mode
-        self.mode = Mode(path.trail.stability.M, self.shape)
+        self.mode = Mode(path.trail.stability.mass, self.shape)
         path.trail.begin_again(ArcLength.name)
 
     def amount(self, w: npt.NDArray[np.float64]) -> float:

@@ -274,7 +274,7 @@ def _up_to(path: Continuation, before: Point, after: Point, left: list[float], p
                 return
         if stop.mode is not None:
             # Interpolated, and where K is singular: nothing to foretell the next state from.
-            path.trail.modes.append(Mode(path.trail.stability.M, stop.mode))
+            path.trail.modes.append(Mode(path.trail.stability.mass, stop.mode))
             here = stop
         else:
             here = path.keep(dataclasses.replace(stop, step=after.step))

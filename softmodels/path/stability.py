@@ -83,8 +83,9 @@ class Stability:
         dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
         mass = ufl.inner(eq.body.displacement(u), eq.body.displacement(v)) * eq.body.hoop * dx
         form = fem.form(mass, jit_options={"cffi_extra_compile_args": ["-O2"]})
-        self.M = fem_petsc.assemble_matrix(form, bcs=eq.bcs, diag=0.0)
-        self.M.assemble()
+        self.mass = fem_petsc.assemble_matrix(form, bcs=eq.bcs, diag=0.0)
+        self.mass.assemble()
+        self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]
         self.constraints = 0
         if eq.mixed:
@@ -118,7 +119,7 @@ class Stability:
         for bc in eq.bcs:
             bc.set(seed.x.array, alpha=0.0)
         self.seed = self.M.createVecRight()
-        self.seed.array_w[:] = seed.x.array[: eq.n]
+        self.seed.array_w[:] = eq.unknowns.nearest(seed.x.array)
         self.sense = self.M.createVecLeft()  # tells a mode from its opposite
         self.M.mult(self.seed, self.sense)
         self.reference = self.largest = self._guess = 0.0
@@ -264,7 +265,7 @@ class Stability:
         from dolfinx import fem
 
         function = fem.Function(self.solver.system.space)
-        function.x.array[: self.solver.system.n] = vector.array_r
+        self.solver.system.unknowns.push(vector.array_r, function.x.array)
         function.x.scatter_forward()
         # By its largest entry alone, an antisymmetric mode would turn round with the rounding of the day.
         largest = max(vector.max()[1], -vector.min()[1])
@@ -289,7 +290,7 @@ class Stability:
         Raises:
             NoConvergence: No mode is like it.
         """
-        measure = Mode(self.M, shape)
+        measure = Mode(self.mass, shape)
         pairs = [
             (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
         ]

@@ -64,7 +64,7 @@ class Trail:
         self.points = []
         for point in points:
             if point.mode is not None:
-                self.modes.append(Mode(self.stability.M, point.mode))
+                self.modes.append(Mode(self.stability.mass, point.mode))
                 continue
             if point.factorised:
                 self.solver.factorise(point.state)

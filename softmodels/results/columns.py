@@ -128,12 +128,11 @@ def _device_term(column: str, device: Actuator | None) -> Term | None:
 
 
 def _named_term(column: str, device: Actuator | None) -> Term | None:
-    """Of a point or an angle that the user has named."""
+    """Of a point, an angle or a rigid part that the user has named."""
     name, unit = split(column)
     if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
-        return described(
-            column, (f"{found[1].replace('_', ' ')}, {found[2]}", "place of that named point in this state")
-        )
+        text = "of a named point its place in this state, of a rigid part how far its centre has moved"
+        return described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
     if unit == "°":
         return described(
             column, (name.replace("_", " "), "named angle: by how much its line has turned, or between its two lines")

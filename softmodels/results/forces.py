@@ -13,6 +13,7 @@ import numpy as np
 from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.reaction import held_force
 from softmodels.mechanics.system import State, System
+from softmodels.results.rigid_figures import rigid_parts
 from softmodels.results.state_values import Sampling
 
 
@@ -97,6 +98,7 @@ def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
 MEASURES: list[Measure] = [
     Measure(part_figures, {}),  # their texts stand on the kinds of parts
     Measure(dead_loads, {}),
+    Measure(rigid_parts, {}),
     Measure(
         blocked_force,
         {"blocked_force_N": ("blocked force", "with which the whole device pushes along its lift on what holds its tip")},
