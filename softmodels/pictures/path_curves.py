@@ -13,7 +13,6 @@ from softmodels.pictures.style import BRANCH, CURVE, DPI, WARNING, WIDTH, Array
 from softmodels.results.columns import term
 from softmodels.results.row import Row
 from softmodels.results.stability_report import jumped_over
-from softmodels.results.terms import split
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -126,16 +125,18 @@ def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], o
 
 
 def _band(axes: Axes, rows: Sequence[Row], column: str, over: str) -> None:
-    """The 95 % band that the material's errors make, up to the first limit point: beyond it the pressure tells no state."""
-    name, unit = split(column)
-    half = f"{name}_95_{unit}"
-    if over != "pressure_cm" or half not in rows[0]:
+    """The 95 % band that the material's errors make in the pressure at the same volume, which is regular at limit points."""
+    if over != "pressure_cm" or "pressure_95_cm" not in rows[0]:
         return
-    rows = rows[: next((k for k, row in enumerate(rows) if row["limit"]), len(rows))]
-    known = [(row[over], row[column], row[half]) for row in rows if not np.isnan(row[half])]
-    x, y, width = np.array(known).T
-    width = np.minimum(width, np.ptp(y))  # it grows without bound at a limit point
-    axes.fill_between(x, y - width, y + width, color=CURVE, alpha=0.18, linewidth=0, label="95 % band of the material")
+    found = np.array([[row[over], row[column], row["pressure_95_cm"]] for row in rows])
+    found = found[~np.isnan(found[:, 2])]
+    if len(found) < 2:
+        return
+    x, y = smooth(found[:, :2]).T
+    width = np.interp(y, *smooth(found[:, 1:]).T) if (np.diff(found[:, 1]) > 0).all() else None
+    x, y, width = (x, y, width) if width is not None else found.T
+    label = "95 % band of the material"
+    axes.fill_betweenx(y, x - width, x + width, color=CURVE, alpha=0.18, linewidth=0, label=label)
 
 
 def limits(rows: Sequence[Row]) -> list[Row]:
