@@ -35,6 +35,7 @@ _PLACES = {
     "softmodels.materials.laws": ("NeoHookean", "MooneyRivlin", "Yeoh", "Ogden", "Gent", "Material", "MaterialError"),
     "softmodels.materials.silicones": ("silicone",),
     "softmodels.mechanics.contact": ("Obstacle", "ObstacleError"),
+    "softmodels.mechanics.holds": ("Clamp",),
     "softmodels.mechanics.mpi": ("StartError",),
     "softmodels.mechanics.parts": ("PartError",),
     "softmodels.mechanics.rigid": ("Rigid",),
@@ -44,6 +45,7 @@ _PLACES = {
     "softmodels.path.air_supply": ("SupplyError",),
     "softmodels.path.syringe": ("Syringe",),
     "softmodels.case.case": ("Case", "CaseError"),
+    "softmodels.case.region": ("Region",),
     "softmodels.design.asked": ("Keep",),
     "softmodels.design.errors": ("DesignError",),
     "softmodels.design.optimise": ("optimise",),
@@ -82,6 +84,7 @@ if TYPE_CHECKING:
     from measurement.own_folder import OwnFolderError as OwnFolderError
     from softmodels.case.case import Case as Case
     from softmodels.case.case import CaseError as CaseError
+    from softmodels.case.region import Region as Region
     from softmodels.design.asked import Keep as Keep
     from softmodels.design.errors import DesignError as DesignError
     from softmodels.design.mould.settings import MouldError as MouldError
@@ -104,6 +107,7 @@ if TYPE_CHECKING:
     from softmodels.materials.silicones import silicone as silicone
     from softmodels.mechanics.contact import Obstacle as Obstacle
     from softmodels.mechanics.contact import ObstacleError as ObstacleError
+    from softmodels.mechanics.holds import Clamp as Clamp
     from softmodels.mechanics.mpi import StartError as StartError
     from softmodels.mechanics.parts import PartError as PartError
     from softmodels.mechanics.rigid import Rigid as Rigid

@@ -8,16 +8,17 @@ from collections.abc import Mapping, Sequence
 from geometries import Actuator
 from geometries.errors import FieldError
 from geometries.kinds import Text
-from softmodels.case import region as _region  # noqa: F401 - registers itself
 from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, table_of
-from softmodels.mechanics import rigid  # noqa: F401 - a kind of part
+from softmodels.case.region import Region
+from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.parts import PARTS, Part, PartError
+from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.walls.part import Walls
 
 Parts = tuple[Part, ...]
 
-OWN_KINDS: tuple[type[Part], ...] = (RigidShape, Walls)
+OWN_KINDS: tuple[type[Part], ...] = (RigidShape, Walls, Rigid, Region, Clamp)
 """Kinds of the library's own: their import here registers them."""
 
 

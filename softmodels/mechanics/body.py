@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
+from geometries import Actuator, Hold
 from geometries.actuator import Vector
 from geometries.mesh_files import load_mesh
 from geometries.meshing import private_model
@@ -54,6 +55,7 @@ class Body:
         entities: Local mesh entities by role: name to (dimension, indices).
         skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
         regions: Local cells by the name of their physical group, ghosts too.
+        holds: What is held beside the cut planes: the device's own holds, unless clamps hold it (`mechanics.holds`).
     """
 
     actuator: Actuator
@@ -62,6 +64,7 @@ class Body:
     entities: dict[str, tuple[int, npt.NDArray[np.int32]]]
     skew: npt.NDArray[np.float64]
     regions: dict[str, npt.NDArray[np.int32]] = dataclasses.field(default_factory=dict)
+    holds: tuple[Hold, ...] = ()
 
     def __post_init__(self) -> None:
         # Made with the body: a form's constants count in the order they were made, and another order is another form.
@@ -107,7 +110,20 @@ class Body:
         facets = np.concatenate([*walls, np.empty(0, dtype=np.int32)])  # a beam has no cavity
         order = np.argsort(facets)
         cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
-        return cls(actuator, data.mesh, cavity, entities, _skew(actuator), regions)
+        holds = tuple(actuator.holds)
+        return cls(actuator, data.mesh, cavity, entities, _skew(actuator, holds), regions, holds)
+
+    def held_by(self, holds: Sequence[Hold]) -> Body:
+        """The same body held in another way."""
+        return dataclasses.replace(self, skew=_skew(self.actuator, holds), holds=tuple(holds))
+
+    def group(self, role: str) -> tuple[int, npt.NDArray[np.int32]]:
+        """Dimension and local entities of a role or a region; `BodyError` if there is none."""
+        if role in self.entities:
+            return self.entities[role]
+        if role not in self.regions:
+            raise BodyError(f"the mesh has no entities named {role!r}, which hold the body")
+        return self.mesh.topology.dim, self.regions[role]
 
     @property
     def axisymmetric(self) -> bool:
@@ -235,9 +251,7 @@ class Body:
         topology = self.mesh.topology
         conditions = []
         for role, components in self._held_components():
-            if role not in self.entities:
-                raise BodyError(f"the mesh has no entities named {role!r}, which hold the body")
-            dimension, found = self.entities[role]
+            dimension, found = self.group(role)
             topology.create_connectivity(dimension, topology.dim)
             for component in components:
                 dofs = fem.locate_dofs_topological(space.sub(component), dimension, found)
@@ -247,7 +261,7 @@ class Body:
     def _held_components(self) -> list[tuple[str, list[int]]]:
         d = self.actuator.dimension
         wanted: list[tuple[str, Vector | None]] = [(plane.name, plane.normal) for plane in self.actuator.cut_planes]
-        wanted += [(hold.role, hold.direction) for hold in self.actuator.holds]
+        wanted += [(hold.role, hold.direction) for hold in self.holds]
         result = []
         for role, direction in wanted:
             if direction is None:
@@ -271,11 +285,11 @@ def in_section(direction: npt.ArrayLike, dimension: int) -> npt.NDArray[np.float
     return d if dimension == 3 else d[[0, 2]]
 
 
-def _skew(actuator: Actuator) -> npt.NDArray[np.float64]:
+def _skew(actuator: Actuator, holds: Sequence[Hold]) -> npt.NDArray[np.float64]:
     """B: unit directions of all holds, completed to a basis."""
     d = actuator.dimension
     wanted = [plane.normal for plane in actuator.cut_planes]
-    wanted += [hold.direction for hold in actuator.holds if hold.direction is not None]
+    wanted += [hold.direction for hold in holds if hold.direction is not None]
     rows: list[npt.NDArray[np.float64]] = []
     for direction in [*(in_section(v, d) for v in wanted), *np.eye(d)[::-1]]:
         candidate = [*rows, direction / np.linalg.norm(direction)]

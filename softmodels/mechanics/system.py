@@ -22,6 +22,7 @@ from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.dead_loads import DeadLoads
+from softmodels.mechanics.holds import clamped, conditions
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
@@ -102,15 +103,14 @@ class System(Assembly):
         if formulation not in FORMULATIONS:
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
         check_compressible(material, parts, formulation == "mixed")
-        self.body, self.formulation, self.sheet, self.comm = body, formulation, sheet, body.mesh.comm
+        self.body, self.formulation, self.sheet, self.comm = clamped(body, parts), formulation, sheet, body.mesh.comm
         self.mixed = formulation == "mixed"
-        self.potential = self.potential_class(body, material, self.mixed, sheet, obstacle, parts)
+        self.potential = self.potential_class(self.body, material, self.mixed, sheet, obstacle, parts)
         self.space, self.w, self.contact = self.potential.space, self.potential.w, self.potential.contact
         self.set_material(material)
         self.form = functools.partial(fem.form, jit_options=JIT)
         self._compile()
-        held = body.held(self.vectors)
-        self.bcs = [fem.dirichletbc(np.array(0.0), dofs, self.vectors.sub(i)) for i, dofs in held]
+        self.bcs = conditions(self.body, self.vectors)
         self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
         self._whole: PETSc.Mat = matrix_of(self.space, self._tangent[: len(self.potential.regions)])
         self.unknowns = unknowns_of(body, self.space, self.bcs, parts)

@@ -320,10 +320,134 @@ class Plate(Plain):
         gmsh.model.mesh.setSizeCallback(lambda *args: self.cell_size)
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LayeredSphere(Sphere):
+    """The section of a sphere of two layers: the main material inside, the region ``shell`` around it."""
+
+    between: float = length_field(0.012, "radius of the interface")
+    regions = ("shell",)
+
+    def build(self):
+        import gmsh
+
+        geo, mesh = gmsh.model.geo, gmsh.model.geo.mesh
+        centre = geo.addPoint(0, 0, 0)
+        radii = (self.inner, self.between, self.outer)
+        low, high = ([geo.addPoint(*place) for place in places] for places in
+                     ([(r, 0, 0) for r in radii], [(0, r, 0) for r in radii]))  # fmt: skip
+        arcs = [geo.addCircleArc(a, centre, b) for a, b in zip(low, high, strict=True)]
+        equator, axis = ([geo.addLine(ends[i], ends[i + 1]) for i in range(2)] for ends in (low, high))
+        faces = [
+            geo.addPlaneSurface([geo.addCurveLoop([equator[i], arcs[i + 1], -axis[i], -arcs[i]])]) for i in range(2)
+        ]
+        for curve in (*equator, *axis):
+            mesh.setTransfiniteCurve(curve, round(self.through) + 1)
+        for curve in arcs:
+            mesh.setTransfiniteCurve(curve, round(self.along) + 1)
+        for face in faces:
+            mesh.setTransfiniteSurface(face)
+        geo.synchronize()
+        _group(2, [faces[0]], "solid")
+        _group(2, [faces[1]], "shell")
+        for curves, name in ((equator, "equator"), (axis, "axis"), (arcs[:1], "cavity"), (arcs[2:], "outer")):
+            _group(1, curves, name)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LayeredTube(Tube):
+    """The section of a tube of two layers, as `LayeredSphere`."""
+
+    between: float = length_field(0.012, "radius of the interface")
+    regions = ("shell",)
+
+    def build(self):
+        import gmsh
+
+        occ, mesh = gmsh.model.occ, gmsh.model.mesh
+        inside = occ.addRectangle(self.inner, 0, 0, self.between - self.inner, self.height)
+        outside = occ.addRectangle(self.between, 0, 0, self.outer - self.between, self.height)
+        occ.fragment([(2, inside)], [(2, outside)])
+        occ.synchronize()
+        groups = {"plane2": [], "top": [], "cavity": [], "outer": []}
+        for _, curve in gmsh.model.getEntities(1):
+            low, high = np.array(gmsh.model.getBoundingBox(1, curve)).reshape(2, 3)
+            flat = high[0] - low[0] < 1e-6
+            mesh.setTransfiniteCurve(curve, round(self.along if flat else self.through) + 1)
+            if not flat:
+                groups["plane2" if high[1] < 1e-6 else "top"].append(curve)
+            elif abs(low[0] - self.between) > 1e-5:
+                groups["cavity" if low[0] < self.between else "outer"].append(curve)
+        for _, face in gmsh.model.getEntities(2):
+            mesh.setTransfiniteSurface(face)
+        _group(2, [inside], "solid")
+        _group(2, [outside], "shell")
+        for name, curves in groups.items():
+            _group(1, curves, name)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LayeredPlate(Plate):
+    """A `Plate` whose upper half is the region ``upper``."""
+
+    regions = ("upper",)
+
+    def build(self):
+        import gmsh
+
+        occ, half = gmsh.model.occ, 0.5 * self.thickness
+        boxes = [occ.addBox(0, i * half, 0, self.length, half, self.cell_size) for i in range(2)]
+        occ.fragment([(3, boxes[0])], [(3, boxes[1])])
+        occ.synchronize()
+        _group(3, boxes[:1], "solid")
+        _group(3, boxes[1:], "upper")
+        places = {"plane0": (0, 0.0), "cavity": (0, self.length), "plane2": (2, 0.0), "front": (2, self.cell_size)}
+        groups = {}
+        for _, face in gmsh.model.getBoundary([(3, box) for box in boxes], combined=True, oriented=False):
+            points = _corner_coordinates(face)
+            flat = [name for name, (axis, at) in places.items() if np.abs(points[:, axis] - at).max() < 1e-9]
+            groups.setdefault(flat[0] if flat else "outer", []).append(face)
+        for name, faces in groups.items():
+            _group(2, faces, name)
+        for _, edge in gmsh.model.getEntities(1):
+            if np.abs(_corner_coordinates(edge, 1)[:, :2]).max() < 1e-9:
+                _group(1, [edge], "edge")
+        gmsh.model.mesh.setSizeCallback(lambda *args: self.cell_size)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CutBlock(Block):
+    """The section of a cylinder as high as its radius, cut on a slant: below the main material, above the region ``lid``."""
+
+    section: str = choice_field("axisymmetric", ("axisymmetric",), "cylinder")
+    regions = ("lid",)
+
+    def build(self):
+        import gmsh
+
+        geo, e = gmsh.model.geo, self.edge
+        places = [(0, 0), (e, 0), (e, 0.7 * e), (e, e), (0, e), (0, 0.3 * e)]
+        points = [geo.addPoint(x, z, 0) for x, z in places]
+        lines = [geo.addLine(points[i], points[(i + 1) % 6]) for i in range(6)]
+        cut = geo.addLine(points[2], points[5])
+        below = geo.addPlaneSurface([geo.addCurveLoop([lines[0], lines[1], cut, lines[5]])])
+        above = geo.addPlaneSurface([geo.addCurveLoop([lines[2], lines[3], lines[4], -cut])])
+        geo.synchronize()
+        _group(2, [below], "solid")
+        _group(2, [above], "lid")
+        for tags, name in (
+            ([lines[4], lines[5]], "plane0"),
+            ([lines[0]], "plane2"),
+            ([lines[1], lines[2], lines[3]], "cavity"),
+        ):
+            _group(1, tags, name)
+        gmsh.model.mesh.setSizeCallback(lambda *args: self.edge / self.cells)
+
+
 @pytest.fixture(scope="session")
 def bodies():
     """The test bodies by name: modules of tests cannot import each other."""
-    return types.SimpleNamespace(Sphere=Sphere, Octant=Octant, Tube=Tube, Block=Block, Plate=Plate)
+    return types.SimpleNamespace(Sphere=Sphere, Octant=Octant, Tube=Tube, Block=Block, Plate=Plate, LayeredSphere=LayeredSphere,
+                                 LayeredTube=LayeredTube, LayeredPlate=LayeredPlate, CutBlock=CutBlock)  # fmt: skip
 
 
 @pytest.fixture(scope="session")

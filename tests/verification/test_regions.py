@@ -1,17 +1,30 @@
-"""Two materials bonded in one body: closed forms, and one material cut in two."""
+"""Two materials bonded in one body: closed forms, one material cut in two, derivatives, and ranks.
+
+Two layers in plane strain of one Poisson's ratio bend under an even push as a composite beam does, exactly: with
+E' = E / (1 - nu^2), the strain along them is e + k (y - y0), y0 the place of the mean of E', and with the push p on the
+thickness h at its middle, k = p h (y0 - h/2) / sum of E' I.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from geometries.fields import length_field
 from softmodels.case.region import Region
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.body import Body
+from softmodels.mechanics.controls import pressure_control, volume_control
+from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.results.fields import Fields
@@ -20,80 +33,16 @@ SOFT, HARD = NeoHookean(30e3, 0.5), Yeoh(60e3, 2e3, 100.0, 0.5)
 SPHERE = "closed integrals of a sphere of two layers, radii 10, 12 and 15 mm, inner stretch to 1.8"
 TUBE = "closed integrals of a tube of two layers, radii 10, 12 and 15 mm, inner stretch to 1.8"
 SAME = "one region, cut in two of one material"
+BENT = "composite beam in plane strain, moduli 1 to 10, pushed at one end"
+RATES = "central differences of a sphere of two layers"
+PROGRAM = Path(__file__).with_name("regions_on_ranks.py")
 STRETCHES = np.array([1.1, 1.4, 1.8])
-
-
-def add_group(dimension, tags, name):
-    import gmsh
-
-    tag = 4 if name == "cavity" else 10 + len(gmsh.model.getPhysicalGroups())
-    gmsh.model.addPhysicalGroup(dimension, tags, tag, name)
 
 
 @pytest.fixture(scope="module")
 def layered(bodies):
     """Sphere and tube of two layers: the main one inside, ``shell`` around it."""
-
-    @dataclasses.dataclass(frozen=True, kw_only=True)
-    class LayeredSphere(bodies.Sphere):
-        between: float = length_field(0.012, "radius of the interface")
-        regions = ("shell",)
-
-        def build(self):
-            import gmsh
-
-            geo, mesh = gmsh.model.geo, gmsh.model.geo.mesh
-            centre = geo.addPoint(0, 0, 0)
-            radii = (self.inner, self.between, self.outer)
-            low, high = ([geo.addPoint(*place) for place in places] for places in
-                         ([(r, 0, 0) for r in radii], [(0, r, 0) for r in radii]))  # fmt: skip
-            arcs = [geo.addCircleArc(a, centre, b) for a, b in zip(low, high, strict=True)]
-            equator, axis = ([geo.addLine(ends[i], ends[i + 1]) for i in range(2)] for ends in (low, high))
-            faces = [
-                geo.addPlaneSurface([geo.addCurveLoop([equator[i], arcs[i + 1], -axis[i], -arcs[i]])]) for i in range(2)
-            ]
-            for curve in (*equator, *axis):
-                mesh.setTransfiniteCurve(curve, round(self.through) + 1)
-            for curve in arcs:
-                mesh.setTransfiniteCurve(curve, round(self.along) + 1)
-            for face in faces:
-                mesh.setTransfiniteSurface(face)
-            geo.synchronize()
-            add_group(2, [faces[0]], "solid")
-            add_group(2, [faces[1]], "shell")
-            for curves, name in ((equator, "equator"), (axis, "axis"), (arcs[:1], "cavity"), (arcs[2:], "outer")):
-                add_group(1, curves, name)
-
-    @dataclasses.dataclass(frozen=True, kw_only=True)
-    class LayeredTube(bodies.Tube):
-        between: float = length_field(0.012, "radius of the interface")
-        regions = ("shell",)
-
-        def build(self):
-            import gmsh
-
-            occ, mesh = gmsh.model.occ, gmsh.model.mesh
-            inside = occ.addRectangle(self.inner, 0, 0, self.between - self.inner, self.height)
-            outside = occ.addRectangle(self.between, 0, 0, self.outer - self.between, self.height)
-            occ.fragment([(2, inside)], [(2, outside)])
-            occ.synchronize()
-            groups = {"plane2": [], "top": [], "cavity": [], "outer": []}
-            for _, curve in gmsh.model.getEntities(1):
-                low, high = np.array(gmsh.model.getBoundingBox(1, curve)).reshape(2, 3)
-                flat = high[0] - low[0] < 1e-6
-                mesh.setTransfiniteCurve(curve, round(self.along if flat else self.through) + 1)
-                if not flat:
-                    groups["plane2" if high[1] < 1e-6 else "top"].append(curve)
-                elif abs(low[0] - self.between) > 1e-5:
-                    groups["cavity" if low[0] < self.between else "outer"].append(curve)
-            for _, face in gmsh.model.getEntities(2):
-                mesh.setTransfiniteSurface(face)
-            add_group(2, [inside], "solid")
-            add_group(2, [outside], "shell")
-            for name, curves in groups.items():
-                add_group(1, curves, name)
-
-    return {"sphere": LayeredSphere(through=3, along=12), "tube": LayeredTube(through=3)}
+    return {"sphere": bodies.LayeredSphere(through=3, along=12), "tube": bodies.LayeredTube(through=3)}
 
 
 def slope(law, stretch, mode):
@@ -150,3 +99,111 @@ def check_values(equations, state, laws, figure, against):
     figure(against, "von Mises stress at the integration points of both layers", off, 3e-2)
     p = values.p
     assert np.isfinite(p).all() and fields.figures(state).stored_energy > 0
+
+
+def test_one_material_cut_in_two_by_displacements_alone(layered, body_of, solved, figure):
+    law, body = NeoHookean(30e3, 0.45), body_of(layered["sphere"])
+    states = []
+    for parts in ([], [Region(law, name="shell")]):
+        equations = Solver(System(body, law, "displacement", parts=parts))
+        states.append(solved(equations, [0.3])[1][-1].state)
+    whole, cut = states
+    figure(SAME, "volume, displacements alone", cut.V / whole.V - 1, 1e-9)
+    figure(SAME, "displacements, displacements alone", cut.w - whole.w, 1e-9)
+
+
+def test_patch(bodies, body_of, solved, figure):
+    """A block pressed from all sides is strained evenly: p is one, though it might jump across the slanted cut."""
+    law, body = NeoHookean(30e3, 0.45), body_of(bodies.CutBlock(cells=3))
+    found = []
+    for parts in ([], [Region(law, name="lid")], [Region(NeoHookean(3e8, 0.45), name="lid")]):
+        equations = Solver(System(body, law, parts=parts))
+        state = solved(equations, [0.5])[1][-1].state
+        found.append((state.V, Fields(equations).nodal(state)))
+    (whole, fields), (cut, same), (stiff, _) = found
+    figure(SAME, "volume of an evenly pressed block", cut / whole - 1, 1e-9)
+    for name in ("displacement", "p", "J"):
+        scale = np.abs(fields[name]).max()
+        figure(SAME, f"{name} of an evenly pressed block", (same[name] - fields[name]) / scale, 1e-9)
+    assert abs(stiff) < 0.9 * abs(whole)
+
+
+def test_bilayer_bends(bodies, body_of, figure):
+    spec = importlib.util.spec_from_file_location("plates", Path(__file__).with_name("test_plate_buckling.py"))
+    plates = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(plates)
+    plate = bodies.LayeredPlate()
+    soft, stiff = NeoHookean(50e3, 0.45), NeoHookean(500e3, 0.45)
+    solver = Solver(System(body_of(plate, plates.PushedBody), soft, parts=[Region(stiff, name="upper")]))
+    along = solver.tangent(solver.system.rest(), pressure_control(0.0), 1e-10)
+    fields = Fields(solver)
+    u = fields.shape(along.w) / (along.P * solver.system.stress_unit)  # m per Pa
+    h, moduli = plate.thickness, np.array([2 * law.shear_modulus * 1.45 / (1 - 0.45**2) for law in (soft, stiff)])
+    middles = np.array([h / 4, 3 * h / 4])
+    centre = moduli @ middles / moduli.sum()
+    bending = moduli @ ((h / 2) ** 3 / 12 + h / 2 * (middles - centre) ** 2)
+    curvature = h * (centre - h / 2) / bending
+    x, y, _ = fields.grid.points.T
+    inside = (x < 0.5 * plate.length) & (y < 1e-9)
+    deflection = u[inside, 1] - u[np.argmin(x + y), 1]
+    known = -curvature * x[inside] ** 2 / 2
+    figure(BENT, "deflection up to half the length", (deflection - known) / np.abs(known).max(), 1e-3)
+
+
+@pytest.mark.parametrize("formulation", ["mixed", "displacement"])
+def test_derivatives(formulation, layered, body_of, solved, figure):
+    """By the main material's numbers, in whose moduli all is counted, and by a region's."""
+    laws = {"": NeoHookean(30e3, 0.45), "shell": Yeoh(40e3, 2e3, 100.0, 0.45)}
+    equations = Solver(
+        System(body_of(layered["sphere"]), laws[""], formulation, parts=[Region(laws["shell"], name="shell")])
+    )
+    eq = equations.system
+    state = solved(equations, [0.5 * eq.rest().V], "volume", "volume")[1][-1].state
+    names = ("shear_modulus", "poisson", "shell.c1", "shell.c2", "shell.poisson")
+    _, rates = Sensitivity(equations).rates(state, volume_control(state.V), names)
+    for name in names:
+        where, _, number = name.rpartition(".")
+        step, ends = 1e-4 * getattr(laws[where], number), []
+        for sign in (1, -1):
+            moved = laws | {
+                where: dataclasses.replace(laws[where], **{number: getattr(laws[where], number) + sign * step})
+            }
+            eq.potential.regions[1].material = moved["shell"]
+            eq.set_material(moved[""])
+            ends.append((found := equations.solve(volume_control(state.V), state.w, state.P)).P * eq.stress_unit)
+        eq.potential.regions[1].material = laws["shell"]
+        eq.set_material(laws[""])
+        apart = (ends[0] - ends[1]) / (2 * step) / rates[name].P - 1
+        figure(RATES, "pressure at a given volume, by every number of both laws", apart, 1e-6)
+        assert np.abs(found.w).max() > 0
+
+
+def test_ranks_and_restarts(layered, comm, tmp_path, figure):
+    """Two ranks have the figures of one; a state taken apart over the nodes comes back to the last bit on both."""
+    spec = importlib.util.spec_from_file_location("regions_on_ranks", PROGRAM)
+    program = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(program)
+    mesh = layered["sphere"].write(tmp_path / "layers.msh")
+    one = np.array(program.figures(comm, layered["sphere"], mesh))
+    beside = Path(sys.executable).with_name("mpirun")
+    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("no mpirun beside this Python or on the path")
+    run = subprocess.run([mpirun, "-n", "2", sys.executable, str(PROGRAM), str(mesh)], capture_output=True, text=True,
+                         timeout=600, check=False)  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    two = np.array(json.loads(run.stdout.strip().splitlines()[-1]))
+    figure("one rank", "a sphere of two layers, on two ranks", (two - one) / np.maximum(np.abs(one), 1e-3), 1e-9)
+
+
+def test_what_is_no_region(layered, body_of):
+    with pytest.raises(PartError, match=r"\[region.core\]: LayeredSphere has no region 'core'; its regions are shell"):
+        Region(SOFT, name="core").check_on(layered["sphere"])
+    with pytest.raises(PartError, match="no cells of this name; it has"):
+        System(body_of(layered["sphere"]), SOFT, parts=[Region(HARD, name="core")])
+    with pytest.raises(PartError, match="leave nothing to the main material"):
+        System(body_of(layered["sphere"]), SOFT, parts=[Region(HARD, name="shell"), Region(HARD, name="solid")])
+    with pytest.raises(PartError, match="no name"):
+        Region(SOFT)
+    with pytest.raises(PartError, match="check the units"):
+        Region(NeoHookean(30.0), name="shell")

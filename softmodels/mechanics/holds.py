@@ -1,0 +1,170 @@
+"""Clamps: faces, edges or regions that are held, or gripped so that they slip in one direction.
+
+They come on top of what holds the device by itself. A role that the device holds by itself is held as the clamp says instead:
+``[hold.bench]`` with ``face = "support"`` and ``along = "z"`` lets a glued disk slide on its bench.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator, Hold
+from geometries.actuator import Vector
+from geometries.fields import field_of
+from geometries.kinds import Words
+from softmodels.mechanics.body import Body, in_section
+from softmodels.mechanics.loads import direction
+from softmodels.mechanics.parts import Part, PartError, register_part
+from softmodels.mechanics.regions import RegionPart
+
+if TYPE_CHECKING:
+    from dolfinx import fem
+
+FREE = 1e-6
+"""Least singular value of the held rigid motions, in sizes of the device, below which one of them is free."""
+
+
+@register_part
+@dataclasses.dataclass(frozen=True)
+class Clamp(Part):
+    """What is held.
+
+    Attributes:
+        face: Roles of faces, edges or points, or names of regions, with commas between: ``"clamp, clamp_top"``.
+        along: Direction along which they are held, such as ``"z"``; all directions if empty.
+        slip: Direction in which alone they slip; none if empty.
+    """
+
+    face: str = field_of(Words(), "faces, edges or regions that are held, such as top")
+    along: str = field_of(Words(), "direction along which they are held, such as z: they slip across it", "")
+    slip: str = field_of(Words(), "direction in which they slip, such as x: they are held across it", "")
+
+    table: ClassVar[str] = "hold"
+    needs: ClassVar[str] = "[hold] needs face, which is held, such as face = 'top'"
+
+    def check(self) -> None:
+        if not self.roles:
+            raise PartError(self.needs)
+        if self.along and self.slip:
+            raise PartError(
+                f"{self.where} has both along and slip; give the one direction that is held or that is free"
+            )
+        for text in filter(None, (self.along, self.slip)):
+            direction(text, self.where)
+
+    @property
+    def roles(self) -> list[str]:
+        return [role.strip() for role in self.face.split(",") if role.strip()]
+
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise `PartError` where a device has no such face, or its mesh no such direction."""
+        known = [*actuator.faces, *actuator.regions, *(hold.role for hold in actuator.holds)]
+        for role in self.roles:
+            if role not in known:
+                raise PartError(
+                    f"{self.where}: {type(actuator).__name__} has no {role!r}; known are {', '.join(known)}"
+                )
+        self.holds(actuator)
+
+    def holds(self, actuator: Actuator) -> list[Hold]:
+        """What it holds on a device.
+
+        Raises:
+            PartError: A direction that an axisymmetric section does not have.
+        """
+        points = {hold.role for hold in actuator.holds if hold.point}
+        return [Hold(role, way, role in points) for role in self.roles for way in self._ways(actuator)]
+
+    def _ways(self, actuator: Actuator) -> list[Vector | None]:
+        text = self.along or self.slip
+        if not text:
+            return [None]
+        way = direction(text, self.where)
+        if actuator.dimension == 2 and max(abs(way[0]), abs(way[2])) < 1 - 1e-12:
+            raise PartError(f"{self.where}: a section knows the directions x (away from its axis) and z, not {text!r}")
+        if self.along:
+            return [way]
+        return _across(way, actuator)
+
+    @property
+    def label(self) -> str:
+        """Not its name alone, which a region or a load may bear too."""
+        return f"hold_{self.name}" if self.name else self.table
+
+
+def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
+    """Unit vectors square to a direction and to each other, those of the device's own planes and holds first."""
+    known = [plane.normal for plane in actuator.cut_planes]
+    known += [hold.direction for hold in actuator.holds if hold.direction is not None]
+    axes = np.eye(3)[[0, 2]] if actuator.dimension == 2 else np.eye(3)
+    found: list[npt.NDArray[np.float64]] = []
+    for candidate in [*np.array(known).reshape(-1, 3), *axes]:
+        if abs(candidate @ np.array(way)) < 1e-9 and all(abs(candidate @ one) < 1e-9 for one in found):
+            found.append(candidate / np.linalg.norm(candidate))
+    if actuator.dimension == 3 and len(found) < 2:
+        first = found[0] if found else np.linalg.svd(np.array([way]))[2][1]
+        found = [first, np.cross(way, first)]
+    return [(float(x), float(y), float(z)) for x, y, z in found]
+
+
+def clamped(body: Body, parts: Sequence[Part]) -> Body:
+    """A body as clamps hold it, on the same mesh; itself where there are none.
+
+    Raises:
+        PartError: A role that the mesh lacks, or a device that nothing keeps in its place any more.
+    """
+    clamps = [part for part in parts if isinstance(part, Clamp)]
+    if not clamps:
+        return body
+    for clamp in clamps:
+        for role in clamp.roles:
+            if role not in body.entities and role not in body.regions:
+                known = ", ".join([*body.entities, *body.regions])
+                raise PartError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
+    roles = {role for clamp in clamps for role in clamp.roles}
+    own = [hold for hold in body.holds if hold.role not in roles]
+    held = body.held_by([*own, *(hold for clamp in clamps for hold in clamp.holds(body.actuator))])
+    replaced = len(own) < len(body.holds)
+    if replaced and all(isinstance(part, Clamp | RegionPart) for part in parts):  # other parts may keep it
+        _check_place(held, clamps[0].where)
+    return held
+
+
+def _check_place(body: Body, where: str) -> None:
+    """Refuse holds that leave the body a rigid motion."""
+    from dolfinx import mesh as meshes
+
+    mesh, d = body.mesh, body.actuator.dimension
+    modes = np.zeros((6, 6) if d == 3 else (1, 1))
+    wanted = [(plane.name, plane.normal) for plane in body.actuator.cut_planes]
+    for role, way in [*wanted, *((hold.role, hold.direction) for hold in body.holds)]:
+        dimension, found = body.group(role)
+        mesh.topology.create_connectivity(dimension, mesh.topology.dim)
+        places = mesh.geometry.x[np.unique(meshes.entities_to_geometry(mesh, dimension, found))]
+        for e in np.eye(d) if way is None else in_section(way, d)[None]:
+            turns = np.cross(places, np.broadcast_to(e, places.shape)) if d == 3 else np.empty((len(places), 0))
+            moves = np.broadcast_to(e if d == 3 else e[1:], (len(places), d if d == 3 else 1))
+            rows = np.hstack([moves, turns])
+            modes += rows.T @ rows
+    modes = mesh.comm.allreduce(modes)
+    if np.sqrt(max(np.linalg.eigvalsh(modes)[0], 0.0)) < FREE:
+        raise PartError(
+            f"{where}: with its holds so the device is free to move as a whole; hold it in all directions, or a point of it"
+        )
+
+
+def conditions(body: Body, vectors: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    """Components of the displacement that are held at zero.
+
+    Args:
+        body: The body.
+        vectors: Its displacement's space.
+    """
+    from dolfinx import fem
+
+    return [fem.dirichletbc(np.array(0.0), dofs, vectors.sub(i)) for i, dofs in body.held(vectors)]

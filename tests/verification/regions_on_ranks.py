@@ -1,0 +1,54 @@
+"""Figures of a body of two materials, printed as JSON: run on one rank and on several by ``test_regions.py``."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+
+def layered(folder):
+    """The sphere of two layers, as its mesh file in ``test_regions.py`` has it."""
+    spec = importlib.util.spec_from_file_location("bodies", folder / "conftest.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["bodies"] = module
+    spec.loader.exec_module(module)
+    return module.LayeredSphere(through=3, along=12)
+
+
+def figures(comm, device, mesh):
+    """Numbers that no number of ranks may change."""
+    from softmodels.case.region import Region
+    from softmodels.materials.laws import NeoHookean, Yeoh
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.mpi import largest, total
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
+    from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.quantities import DIRECT
+    from softmodels.results.fields import Fields
+
+    parts = [Region(Yeoh(60e3, 2e3, 100.0, 0.49), name="shell")]
+    solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.48), parts=parts))
+    system = solver.system
+    *_, last = trace(Continuation(solver, DIRECT["volume"], "volume"), [0.5 * system.rest().V])
+    fields = Fields(solver)
+    found, raw = fields.figures(last.state), fields.raw(last.state, last.tangent)
+    again = fields.dofs(raw["restart_state_u"], raw["restart_state_p"]) if raw else fields.dofs(None, None)
+    away = largest(comm, float(np.abs(again - last.state.w[: system.dofs]).max()))
+    assert away == 0.0, away
+    p = fields.values(last.state).p
+    spread = [bound for pair in found.extremes.values() for bound in pair]
+    return [found.pressure, found.stored_energy, *spread, total(comm, float((p**2).sum())), last.signature.lowest]
+
+
+if __name__ == "__main__":
+    from softmodels.mechanics.mpi import is_root, start
+
+    world = start()
+    numbers = figures(world, layered(Path(__file__).parent), Path(sys.argv[1]))
+    if is_root(world):
+        print(json.dumps(numbers))

@@ -1,0 +1,95 @@
+"""Clamps: closed forms of a tube whose outside is held, what may be held, and what takes the place of a device's own holds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.case.case import Case, CaseError
+from softmodels.case.region import Region
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.body import BodyError
+from softmodels.mechanics.controls import pressure_control
+from softmodels.mechanics.holds import Clamp
+from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+
+LAW = NeoHookean(30e3, 0.3)
+DISK = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
+WEDGE = HollowDisk(angle=15.0, azimuth=20.0, cell_size=0.008, fillet=0.0, base_fillet=0.0)
+LAME = "Lame's tube in plane strain, its outside held"
+
+
+def opening(nu, inner, outer):
+    """Inner wall's displacement over its radius per pressure in shear moduli, of a tube that is held at ``outer``.
+
+    With u = A r + B / r and u(outer) = 0, and the radial stress 2 mu ((A - B/r^2) + nu / (1 - 2 nu) 2 A) = -p inside.
+    """
+    B = 1.0
+    A = -B / outer**2
+    stress = 2 * ((A - B / inner**2) + nu / (1 - 2 * nu) * 2 * A)
+    return -(A * inner + B / inner) / inner / stress
+
+
+@pytest.mark.parametrize(("clamps", "radius"), [
+    ([Clamp("outer", along="x")], "outer"), ([Clamp("outer")], "outer"), ([Clamp("outer", slip="z")], "outer"),
+    ([Clamp("shell")], "between"), ([Clamp("shell", name="a", along="x"), Clamp("shell", name="b", slip="x")], "between"),
+])  # fmt: skip
+def test_tube(clamps, radius, bodies, body_of, tube_body, figure):
+    tube = bodies.LayeredTube(through=4)
+    parts = [*clamps, Region(NeoHookean(60e3, 0.2), name="shell")] if radius == "between" else clamps
+    solver = Solver(System(body_of(tube, tube_body), LAW, parts=parts))
+    along = solver.tangent(solver.system.rest(), pressure_control(0.0), 1e-10)
+    found = along.V / along.P / (2 * solver.system.rest().V)
+    figure(LAME, "opening per pressure", found / opening(0.3, tube.inner, getattr(tube, radius)) - 1, 1e-4)
+
+
+def test_a_device_held_otherwise(body_of, solved, figure):
+    """A glued disk that slides on its bench opens more; the same clamp as its own hold changes nothing."""
+    body, law = body_of(DISK), NeoHookean(20e3, 0.495)
+    volumes = []
+    for parts in ([], [Clamp("support")], [Clamp("support", along="z")]):
+        solver = Solver(System(body, law, parts=parts))
+        volumes.append(solved(solver, [300.0 / 20e3])[1][-1].state.V - solver.system.rest().V)
+    own, same, sliding = volumes
+    figure("the disk's own hold", "the same as a clamp, added volume", same / own - 1, 1e-12)
+    assert sliding > 1.0001 * own
+
+
+def test_oblique_planes(body_of):
+    """Beside oblique cut planes what is square to both can be held exactly, and a direction between them is refused."""
+    body = body_of(WEDGE)
+    system = System(body, LAW, parts=[Clamp("top", along="z")])
+    held = sum(len(dofs) for _, dofs in system.body.held(system.vectors))
+    assert held > sum(len(dofs) for _, dofs in body.held(system.vectors))
+    with pytest.raises(BodyError, match="mixes the directions"):
+        System(body, LAW, parts=[Clamp("top", along="1, 0, 0")])
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("[hold.ring]\nface = 'ring'", "has no 'ring'; known are"),
+        ("[hold]\nalong = 'z'", "needs face"),
+        ("[hold]\nface = 'top'\nalong = 'z'\nslip = 'x'", "both along and slip"),
+        ("[hold]\nface = 'top'\nalong = 'up'", "is no direction"),
+        ("[hold]\nface = 'top'\nalong = 'y'", "a section knows the directions"),
+    ],
+)
+def test_what_cannot_be_held(table, words):
+    with pytest.raises(CaseError, match=words):
+        Case.from_toml(Case("disk", DISK, LAW, pressures_cm=(5.0,)).to_toml() + table)
+
+
+def test_case_file():
+    parts = (Clamp("support", along="z", name="bench"), Clamp("top", slip="x", name="grip"))
+    case = Case("disk", DISK, LAW, pressures_cm=(5.0,), parts=parts)
+    assert Case.from_toml(case.to_toml()).parts == parts
+
+
+def test_free_to_move(body_of):
+    with pytest.raises(PartError, match="free to move as a whole"):
+        System(body_of(DISK), LAW, parts=[Clamp("support", along="x")])
+    assert np.isfinite(System(body_of(DISK), LAW, parts=[Clamp("support", along="z")]).rest().V)
