@@ -18,6 +18,7 @@ from geometries.errors import GeometryError
 REST = r"(?:[^';]|'[^']*')*;"
 """Up to the end of an instance; semicolons in texts do not count."""
 FACE = re.compile(r"#(\d+)\s*=\s*(?:ADVANCED_FACE|FACE_SURFACE)\s*\(\s*'((?:[^']|'')*)'")
+SOLID = re.compile(r"#(\d+)\s*=\s*(?:MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS|FACETED_BREP)\s*\(\s*'((?:[^']|'')*)'")
 STYLE = re.compile(r"(#\d+\s*=\s*)\w*STYLED_ITEM\s*\(" + REST)
 MOVE = re.compile(r"(ITEM_DEFINED_TRANSFORMATION\s*\(\s*'[^']*'\s*,\s*'[^']*'\s*,)\s*(#\d+)\s*,\s*#\d+\s*\)")
 CONTEXT = re.compile(r"#(\d+)\s*=[^;=]*GEOMETRIC_REPRESENTATION_CONTEXT")
@@ -49,20 +50,34 @@ def named_surfaces(path: str | Path, name: str) -> list[int]:
     wanted = face_names(path)[name]
     if len(wanted) >= SHADES**3:
         raise GeometryError(f"{len(wanted)} faces of {path} are named {name!r}; pick them by plane, box or colour")
-    marks = {
-        _mark((STEP * (k // SHADES**2), STEP * (k // SHADES % SHADES), STEP * (k % SHADES))): k
-        for k in range(len(wanted))
-    }
-    colours = _surfaces(_marked(_read(path), dict(zip(wanted, marks, strict=True))))
+    marks = {_mark(_shades(k)): k for k in range(len(wanted))}
+    colours = _colours(_marked(_read(path), dict(zip(wanted, marks, strict=True))))
     found = {place: marks[_mark(colour)] for place, colour in enumerate(colours) if colour and _mark(colour) in marks}
     if set(found.values()) != set(marks.values()):
         raise GeometryError(f"a face named {name!r} in {path} is lost on import; pick it by plane, box or colour")
     return list(found)
 
 
+def solid_names(path: str | Path) -> list[str]:
+    """Name of the body that each volume which Gmsh makes of a file comes from, in their order; empty where it has none.
+
+    Needs a current Gmsh session, and leaves its model as it is.
+    """
+    import gmsh  # type: ignore[import-untyped]
+
+    text = _read(path)
+    bodies = [(int(number), _plain(name).strip()) for number, name in SOLID.findall(text)]
+    if not any(name for _, name in bodies) or len(bodies) >= SHADES**3:
+        return [""] * len(gmsh.model.getEntities(3))
+    marks = {_shades(k): number for k, (number, _) in enumerate(bodies)}
+    names = {_mark(mark): name for mark, (_, name) in zip(marks, bodies, strict=True)}
+    seen = _colours(_marked(text, {number: mark for mark, number in marks.items()}), 3)
+    return [names.get(_mark(colour), "") if colour else "" for colour in seen]
+
+
 def surface_colours(path: str | Path) -> list[Colour | None]:
     """Colour of each surface that Gmsh makes of a file, None where it has none; needs a current Gmsh session."""
-    return _surfaces(_unmoved(_read(path)))
+    return _colours(_unmoved(_read(path)))
 
 
 def _read(path: str | Path) -> str:
@@ -122,8 +137,8 @@ def _marked(text: str, marks: dict[int, Colour]) -> str:
     return "\n".join([head, *added, f"#{free} = {group};", end + tail])
 
 
-def _surfaces(text: str) -> list[Colour | None]:
-    """Colours of the surfaces that Gmsh makes of a file of this text."""
+def _colours(text: str, dimension: int = 2) -> list[Colour | None]:
+    """Colours of the surfaces, or volumes, that Gmsh makes of a file of this text."""
     import gmsh  # type: ignore[import-untyped]
 
     before = gmsh.model.getCurrent()
@@ -134,11 +149,16 @@ def _surfaces(text: str) -> list[Colour | None]:
         try:
             gmsh.model.occ.importShapes(str(copy), format="step")
             gmsh.model.occ.synchronize()
-            seen = [gmsh.model.getColor(*surface) for surface in gmsh.model.getEntities(2)]
+            seen = [gmsh.model.getColor(*entity) for entity in gmsh.model.getEntities(dimension)]
         finally:
             gmsh.model.remove()
             gmsh.model.setCurrent(before)
     return [(red, green, blue) if opaque else None for red, green, blue, opaque in seen]
+
+
+def _shades(number: int) -> Colour:
+    """Colour that marks something by a number."""
+    return STEP * (number // SHADES**2), STEP * (number // SHADES % SHADES), STEP * (number % SHADES)
 
 
 def _mark(colour: Colour) -> Colour:

@@ -15,7 +15,10 @@ from geometries.registry import register
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedActuator(ImportedPart):
-    """A part from a STEP file, whose own unit counts; see `ImportedPart`."""
+    """A part from a STEP file, whose own unit counts; see `ImportedPart`.
+
+    Several solids that touch are glued, and each is a region of its own name.
+    """
 
     cell_size: float = length_field(0.003, "longest edge of the cells", shape=False)
     curvature: float = number_field(10.0, "cells around a full circle", shape=False)
@@ -32,6 +35,11 @@ class ImportedActuator(ImportedPart):
         return read_part(self, self.digest())
 
     @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the file's solids, if there are several."""
+        return self.reading.regions
+
+    @property
     def mesh_order(self) -> int:
         return self.order
 
@@ -40,7 +48,8 @@ class ImportedActuator(ImportedPart):
             raise GeometryError(
                 f"file {self.file} draws one of {self.copies} equal pieces, cut on its planes; draw the whole part"
             )
-        open_part(self, "MM")
+        if len(open_part(self, "MM").tags) > 1:
+            raise GeometryError(f"file {self.file} holds several solids; a mould is made of a part of one solid")
 
     def build(self) -> None:
         build_part(self)

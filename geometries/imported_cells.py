@@ -12,18 +12,18 @@ SAMPLES = 5
 """Places in each direction of a face's parameters where its curvature is looked at."""
 
 
-def expected_triangles(solid: int, cell_size: float, curvature: float) -> float:
-    """Number of triangles on the solid in the current Gmsh model, or fewer: fine edges make the faces beside them finer.
+def expected_triangles(faces: list[int], cell_size: float, curvature: float) -> float:
+    """Number of triangles on faces of the current Gmsh model, or fewer: fine edges make the faces beside them finer.
 
     Args:
-        solid: Its tag.
+        faces: Their tags.
         cell_size: Longest edge in m.
         curvature: Cells around a full circle.
     """
     import gmsh  # type: ignore[import-untyped]
 
     total = 0.0
-    for _, face in gmsh.model.getBoundary([(3, solid)], oriented=False):
+    for face in faces:
         around = 2.0 * np.pi / (curvature * np.maximum(_curvatures(face), 1e-30))
         sizes = np.minimum(cell_size, around)
         total += float(gmsh.model.occ.getMass(2, face)) * float(np.mean(sizes**-2.0))

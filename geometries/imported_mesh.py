@@ -13,6 +13,7 @@ from geometries.fields import choice_field, length_field
 from geometries.foreign_meshes import FORMATS, read_mesh
 from geometries.imported_part import ImportedPart, Reading
 from geometries.mesh_roles import cavity_volumes, find_roles, gauge, outward, put_on_planes
+from geometries.region_names import region_name
 from geometries.registry import register
 from geometries.tetrahedra import TO_GMSH, Tetrahedra
 
@@ -50,8 +51,13 @@ class ImportedMesh(ImportedPart):
     @property
     def regions(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names that the file has for some of the cells."""
+        return tuple(self._named)
+
+    @property
+    def _named(self) -> dict[str, str]:
+        """The file's names by those of the regions."""
         every = len(self.mesh.cells)
-        return tuple(name for name, cells in self.mesh.regions.items() if 0 < len(cells) < every)
+        return {region_name(name): name for name, cells in self.mesh.regions.items() if 0 < len(cells) < every}
 
     @property
     def mesh_order(self) -> int:
@@ -71,8 +77,8 @@ class ImportedMesh(ImportedPart):
         gmsh.model.mesh.addNodes(3, solid, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
         left = np.ones(len(mesh.cells), dtype=bool)
         parts = []
-        for name in self.regions:
-            cells = mesh.regions[name]
+        for name, given in self._named.items():
+            cells = mesh.regions[given]
             inside = cells[left[cells]]
             left[inside] = False
             parts.append((name, inside, gmsh.model.addDiscreteEntity(3)))

@@ -35,12 +35,14 @@ class Reading:
         gauge: The corner whose motion is told.
         solid_volume: Of the solid.
         cavity_volumes: Of each cavity.
+        regions: Names of its solids, if there are several.
     """
 
     normals: tuple[Vector, ...]
     gauge: Vector
     solid_volume: float
     cavity_volumes: tuple[float, ...]
+    regions: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,9 +50,9 @@ class ImportedPart(Actuator):
     """A part from a file, with one or more closed cavities.
 
     A half, a quarter or a wedge of a part is cut on planes through the origin (``planes``), which meet at 180/n degrees, and
-    its cavities may be open there and nowhere else. Physical groups: volume "solid"; surfaces "cavity", "cavity2", ... in the
-    order of ``cavities``, "support", "plane0", "plane1", ..., "bonded" if given, and "outer". `geometries.selections` tells how
-    faces are picked.
+    its cavities may be open there and nowhere else. Physical groups: volume "solid", or several by their names; surfaces
+    "cavity", "cavity2", ... in the order of ``cavities``, "support", "plane0", "plane1", ..., "bonded" if given, and "outer".
+    `geometries.selections` tells how faces are picked.
 
     With several cavities, cavity i has the pressure ``pressure_ratios[i]`` times P. Then P works on the sum of the volumes
     times their ratios, and that is what `cavity_volume` and a run's added volume are. A load that gives each cavity a series

@@ -17,6 +17,7 @@ import numpy as np
 from geometries.actuator import Vector
 from geometries.errors import GeometryError
 from geometries.imported_part import BONDED, cavity_role
+from geometries.imported_solids import Solids
 from geometries.selections import AXES, chosen, faces, point, surface_points
 from geometries.symmetry import check_slice
 
@@ -37,24 +38,22 @@ def _near() -> float:
     return 1e-5 * extent()
 
 
-def find_roles(part: ImportedActuator, solid: int) -> dict[str, list[int]]:
+def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
     """Surfaces of the current Gmsh model by role; every surface has one.
 
     Raises:
         GeometryError: A choice that picks nothing, or something that cannot have this role.
     """
-    import gmsh
-
-    left = [tag for _, tag in gmsh.model.getBoundary([(3, solid)], oriented=False)]
+    left = solids.boundary
     roles: dict[str, list[int]] = {}
     for i, text in enumerate(part.planes):
-        roles[f"plane{i}"] = _in_cut_plane(part, text, left)
+        roles[f"plane{i}"] = _in_cut_plane(part, text, left, solids)
         left = [tag for tag in left if tag not in roles[f"plane{i}"]]
     pieces = _pieces(left)
     outside = max(pieces, key=_size) if pieces else []
     for i, text in enumerate(part.cavities):
         by_point = re.match(r"\s*at\b", text)
-        wall = _around(pieces, solid, text) if by_point else _with_faces(pieces, part, text, left)
+        wall = _around(pieces, solids, text) if by_point else _with_faces(pieces, part, text, left, solids)
         if set(outside) & set(wall):
             raise GeometryError(
                 f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside"
@@ -65,16 +64,16 @@ def find_roles(part: ImportedActuator, solid: int) -> dict[str, list[int]]:
         left = [tag for tag in left if tag not in wall]
     for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded)):
         if text:
-            roles[role] = _some(part, field, f"{field} is {text!r}", text, left)
+            roles[role] = _some(part, field, f"{field} is {text!r}", text, left, solids)
             left = [tag for tag in left if tag not in roles[role]]
     return {name: tags for name, tags in {**roles, "outer": left}.items() if tags}
 
 
-def _some(part: ImportedActuator, field: str, what: str, text: str, left: list[int]) -> list[int]:
+def _some(part: ImportedActuator, field: str, what: str, text: str, left: list[int], solids: Solids) -> list[int]:
     """The faces among ``left`` that a text picks; there must be some."""
     import gmsh
 
-    found = chosen(field, faces(field, text), left, _near(), part.file)
+    found = chosen(field, faces(field, text), left, _near(), part.file, solids.pieces)
     if not found:
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3) * 1e3
         spans = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(AXES, low, high, strict=True))
@@ -84,10 +83,10 @@ def _some(part: ImportedActuator, field: str, what: str, text: str, left: list[i
     return found
 
 
-def _in_cut_plane(part: ImportedActuator, text: str, left: list[int]) -> list[int]:
+def _in_cut_plane(part: ImportedActuator, text: str, left: list[int], solids: Solids) -> list[int]:
     """All faces in the plane of those that a text picks, which must go through the origin."""
     what = f"planes has {text!r}"
-    picked = _some(part, "planes", what, text, left)
+    picked = _some(part, "planes", what, text, left, solids)
     points = np.concatenate([surface_points(tag) for tag in picked])
     normal = _fitted_normal(picked)
     distances = points @ normal
@@ -106,7 +105,7 @@ def _fitted_normal(tags: list[int]) -> np.ndarray:
     return np.round(normal, 12) + 0.0  # square to an axis means so, without -0
 
 
-def outward(part: ImportedActuator, solid: int, roles: dict[str, list[int]]) -> tuple[Vector, ...]:
+def outward(part: ImportedActuator, solids: Solids, roles: dict[str, list[int]]) -> tuple[Vector, ...]:
     """Unit normals of the cut planes, away from the solid; the surfaces of the current Gmsh model are meshed.
 
     Raises:
@@ -114,7 +113,7 @@ def outward(part: ImportedActuator, solid: int, roles: dict[str, list[int]]) -> 
     """
     import gmsh
 
-    centre = np.array(gmsh.model.occ.getCenterOfMass(3, solid))
+    centre = solids.centre
     points = gmsh.model.mesh.getNodes()[1].reshape(-1, 3)
     normals = []
     for i, text in enumerate(part.planes):
@@ -144,12 +143,12 @@ def _pieces(tags: list[int]) -> list[list[int]]:
     return [list(piece) for piece in {tuple(sorted(piece)) for piece in group.values()}]
 
 
-def _around(pieces: list[list[int]], solid: int, text: str) -> list[int]:
+def _around(pieces: list[list[int]], solids: Solids, text: str) -> list[int]:
     """The piece of wall nearest to a point in the air."""
     import gmsh
 
     place = point("cavities", text)
-    if gmsh.model.isInside(3, solid, list(place)):
+    if solids.holds(list(place)):
         raise GeometryError(f"cavities has {text!r}; that point lies in the solid, not in a cavity's air")
     probe = gmsh.model.occ.addPoint(*place)
 
@@ -161,9 +160,11 @@ def _around(pieces: list[list[int]], solid: int, text: str) -> list[int]:
     return nearest
 
 
-def _with_faces(pieces: list[list[int]], part: ImportedActuator, text: str, left: list[int]) -> list[int]:
+def _with_faces(
+    pieces: list[list[int]], part: ImportedActuator, text: str, left: list[int], solids: Solids
+) -> list[int]:
     """The piece of wall that the picked faces belong to, or several if they do."""
-    picked = _some(part, "cavities", f"cavities has {text!r}", text, left)
+    picked = _some(part, "cavities", f"cavities has {text!r}", text, left, solids)
     return [tag for piece in pieces if set(piece) & set(picked) for tag in piece]
 
 

@@ -14,6 +14,7 @@ from geometries.fields import shown
 from geometries.imported_cells import MOST_TRIANGLES, expected_triangles
 from geometries.imported_part import Reading, cavity_role
 from geometries.imported_roles import extent, find_roles, outward
+from geometries.imported_solids import Solids, glued
 from geometries.selections import point
 
 if TYPE_CHECKING:
@@ -46,9 +47,9 @@ def _read(part: ImportedActuator) -> Reading:
     from geometries.meshing import private_model
 
     with private_model():
-        solid = open_part(part)
-        roles = find_roles(part, solid)
-        expected = expected_triangles(solid, part.cell_size, max(part.curvature, FINE))
+        solids = open_part(part)
+        roles = find_roles(part, solids)
+        expected = expected_triangles(solids.boundary, part.cell_size, max(part.curvature, FINE))
         if expected > MOST_TRIANGLES:
             raise GeometryError(
                 f"cell_size is {shown(part.cell_size, 'm')} with curvature {part.curvature:g}; about {expected:.2g} triangles "
@@ -58,12 +59,13 @@ def _read(part: ImportedActuator) -> Reading:
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
-        volumes = tuple(_enclosed(solid, roles[cavity_role(i)]) for i in range(len(part.cavities)))
+        volumes = tuple(_enclosed(solids, roles[cavity_role(i)]) for i in range(len(part.cavities)))
         return Reading(
-            outward(part, solid, roles),
+            outward(part, solids, roles),
             _gauge(part, roles.get("support", [])),
-            float(gmsh.model.occ.getMass(3, solid)),
+            solids.volume,
             volumes,
+            tuple(solids.regions) if len(solids.regions) > 1 else (),
         )
 
 
@@ -71,17 +73,18 @@ def build_part(part: ImportedActuator) -> None:
     """Fill the current Gmsh model with the part, its roles and its cell sizes (m)."""
     import gmsh
 
-    solid = open_part(part)
-    gmsh.model.addPhysicalGroup(3, [solid], name="solid")
-    for role, tags in find_roles(part, solid).items():
+    solids = open_part(part)
+    for name, tags in solids.regions.items():
+        gmsh.model.addPhysicalGroup(3, tags, name=name)
+    for role, tags in find_roles(part, solids).items():
         gmsh.model.addPhysicalGroup(2, tags, name=role)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", part.curvature)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, part.cell_size))
 
 
-def open_part(part: ImportedActuator, unit: str = "M") -> int:
-    """Read the file in metres, or another of the CAD kernel's units, whatever its own; return its one solid."""
+def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
+    """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued."""
     import gmsh
 
     gmsh.option.setString("Geometry.OCCTargetUnit", unit)
@@ -93,15 +96,10 @@ def open_part(part: ImportedActuator, unit: str = "M") -> int:
         raise GeometryError(
             f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})"
         ) from None
-    solids = gmsh.model.getEntities(3)
-    if len(solids) != 1:
-        raise GeometryError(
-            f"file {part.file} holds {len(solids)} solids; a part is one solid with its cavities cut out"
-        )
-    return int(solids[0][1])
+    return glued(part)
 
 
-def _enclosed(solid: int, tags: list[int]) -> float:
+def _enclosed(solids: Solids, tags: list[int]) -> float:
     """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
     import gmsh
 
@@ -112,7 +110,7 @@ def _enclosed(solid: int, tags: list[int]) -> float:
             jacobians, determinants, places = gmsh.model.mesh.getJacobians(kind, local, tag)
             normals, at = jacobians.reshape(-1, 3, 3)[:, 2], places.reshape(-1, 3)
             # A face's mesh may be turned either way; the solid lies behind its outward normal.
-            turned = 1.0 if gmsh.model.isInside(3, solid, list(at[0] - 1e-4 * extent() * normals[0])) else -1.0
+            turned = 1.0 if solids.holds(list(at[0] - 1e-4 * extent() * normals[0])) else -1.0
             along = np.einsum("ij,ij->i", at, normals) * determinants
             total -= turned * float((along.reshape(-1, len(weights)) @ weights).sum()) / 3.0
     return total

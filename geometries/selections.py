@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +144,9 @@ def _length(field: str, text: str) -> float:
         raise GeometryError(f"{field}: {error}") from None
 
 
-def chosen(field: str, choice: Faces, tags: list[int], near: float, file: str) -> list[int]:
+def chosen(
+    field: str, choice: Faces, tags: list[int], near: float, file: str, pieces: Sequence[Sequence[int]] = ()
+) -> list[int]:
     """Which faces of the current Gmsh model a choice picks out of ``tags``.
 
     Args:
@@ -152,6 +155,7 @@ def chosen(field: str, choice: Faces, tags: list[int], near: float, file: str) -
         tags: Surfaces of the model.
         near: What counts as the same place, m.
         file: The STEP file that the model was made of, and of nothing else.
+        pieces: For each surface of the file, in order, the model's surfaces that were made of it; empty if they are as read.
 
     Raises:
         GeometryError: The file has no such name or colour; the message lists those it has.
@@ -160,7 +164,7 @@ def chosen(field: str, choice: Faces, tags: list[int], near: float, file: str) -
         known = face_names(file)
         if choice.name not in known:
             raise GeometryError(f"{field} is {choice.text!r}; {listed('name', sorted(known))}")
-        return _at(named_surfaces(file, choice.name), tags)
+        return _at(named_surfaces(file, choice.name), tags, pieces)
     if choice.colour is not None:
         colours = surface_colours(file)
         wanted = np.array(choice.colour)
@@ -168,7 +172,7 @@ def chosen(field: str, choice: Faces, tags: list[int], near: float, file: str) -
         if not places:
             seen = sorted({"#{:02x}{:02x}{:02x}".format(*one) for one in colours if one})
             raise GeometryError(f"{field} is {choice.text!r}; {listed('colour', seen)}")
-        return _at(places, tags)
+        return _at(places, tags, pieces)
     if choice.box is not None:
         return [tag for tag in tags if _in_box(tag, choice.box, near)]
     assert choice.normal is not None
@@ -183,11 +187,11 @@ def listed(what: str, known: list[str]) -> str:
     return f"the {what}s of faces in the file are {', '.join(known[:20])}{more}"
 
 
-def _at(places: list[int], tags: list[int]) -> list[int]:
+def _at(places: list[int], tags: list[int], pieces: Sequence[Sequence[int]]) -> list[int]:
     import gmsh  # type: ignore[import-untyped]
 
-    every = [tag for _, tag in gmsh.model.getEntities(2)]
-    return [every[place] for place in places if every[place] in tags]
+    every = pieces or [(tag,) for _, tag in gmsh.model.getEntities(2)]
+    return [tag for place in places for tag in every[place] if tag in tags]
 
 
 def _in_box(tag: int, box: tuple[tuple[float, ...], tuple[float, ...]], near: float) -> bool:
