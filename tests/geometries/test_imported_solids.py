@@ -20,7 +20,7 @@ def write_step(path, base=(0.0, 0.0), names=("Base plate", "Chamber"), lift=0.0)
 
     with private_model():
         occ = gmsh.model.occ
-        plate = occ.addBox(-base[0], -base[1], 0, LENGTH + 2 * base[0], WIDTH + 2 * base[1], BASE)
+        occ.addBox(-base[0], -base[1], 0, LENGTH + 2 * base[0], WIDTH + 2 * base[1], BASE)
         block = occ.addBox(0, 0, BASE + lift, LENGTH, WIDTH, TOP)
         air = occ.addBox(WALL, WALL, BASE + lift, LENGTH - 2 * WALL, WIDTH - 2 * WALL, TOP - WALL)
         occ.cut([(3, block)], [(3, air)])
@@ -39,7 +39,7 @@ def part(path, **changes):
 
 
 def test_two_solids_are_glued(tmp_path):
-    """A plate that is wider than the block: its upper face is partly an interface, partly the cavity's floor, partly outside."""
+    """A plate wider than the block: its upper face is partly an interface, partly the cavity's floor, partly outside."""
     device = part(write_step(tmp_path / "two.step", base=(0.0, 4.0)), bonded="z = 0 mm")
     assert device.regions == ("base_plate", "chamber")
     air = (LENGTH - 2 * WALL) * (WIDTH - 2 * WALL) * (TOP - WALL) * 1e-9
@@ -77,13 +77,20 @@ def test_names(tmp_path):
     same = part(write_step(tmp_path / "same.step", names=("Silicone", "Silicone")))
     assert same.regions == ()  # one region of two solids
     assert part(write_step(tmp_path / "none.step", names=())).regions == ("solid_1", "solid_2")
-    assert [region_name(text) for text in ("Ring (2)", "3M tape", "Öse", "%")] == ["ring_2", "region_3m_tape", "ose", "region"]
+    assert [region_name(text) for text in ("Ring (2)", "3M tape", "Öse", "%")] == [
+        "ring_2",
+        "region_3m_tape",
+        "ose",
+        "region",
+    ]
 
 
 def test_solids_that_make_no_part(tmp_path):
-    with pytest.raises(GeometryError, match="base_plate shares no face with chamber|chamber shares no face with base_plate"):
+    with pytest.raises(GeometryError, match="shares no face with"):
         part(write_step(tmp_path / "apart.step", lift=1.0))
     with pytest.raises(GeometryError, match="the solids base_plate and chamber overlap"):
         part(write_step(tmp_path / "into.step", lift=-1.0))
     with pytest.raises(GeometryError, match="a mould is made of a part of one solid"), private_model():
-        part(tmp_path / "two.step" if (tmp_path / "two.step").exists() else write_step(tmp_path / "two.step")).build_whole()
+        part(
+            tmp_path / "two.step" if (tmp_path / "two.step").exists() else write_step(tmp_path / "two.step")
+        ).build_whole()
