@@ -67,6 +67,8 @@ class Cylinder(Actuator):
 
     stem: ClassVar = "cylinder"
     axial: ClassVar = True
+    regions: ClassVar = ("wall", "cap")
+    pressures: ClassVar = "0:60"
     stiffer: ClassVar = "a thicker wall (--wall), a smaller cavity (--inner-radius)"
     examples: ClassVar = ("--wall 3mm --length 80mm", "--variant bending", "--section whole --base sliding")
     variants: ClassVar = {

@@ -10,6 +10,8 @@ from geometries.errors import FieldError
 from geometries.kinds import Text
 from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, table_of
 from softmodels.case.region import Region
+from softmodels.mechanics.fabric import Fabric
+from softmodels.mechanics.fibres import Fibres
 from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.parts import PARTS, Part, PartError
 from softmodels.mechanics.rigid import Rigid
@@ -18,7 +20,7 @@ from softmodels.mechanics.walls.part import Walls
 
 Parts = tuple[Part, ...]
 
-OWN_KINDS: tuple[type[Part], ...] = (RigidShape, Walls, Rigid, Region, Clamp)
+OWN_KINDS: tuple[type[Part], ...] = (RigidShape, Walls, Rigid, Region, Clamp, Fabric, Fibres)
 """Kinds of the library's own: their import here registers them."""
 
 

@@ -135,8 +135,8 @@ class Newton:
         J.assemble()
 
     def _foresee_stress(self) -> None:
-        """Set the stress of a sheet in Newton's matrix: this iterate's own, or with `solve`'s ``since`` the foreseen one."""
-        if self.system.sheet is None:
+        """Set the stress of sheets and fibres in Newton's matrix: the iterate's, or with `solve`'s ``since`` a foreseen one."""
+        if not self.system.potential.foreseen:
             return
         here = self.system.w.x.array.copy()
         if self._since is None:
@@ -191,13 +191,13 @@ class Newton:
         return reasons.ITERATING
 
     def _loosest(self) -> float:
-        """Tolerance of the first linear solves; a tight one where a sheet's stress is foreseen.
+        """Tolerance of the first linear solves; a tight one where a stress is foreseen.
 
-        The forces of a stiff sheet make up the residual: a loose solve would see to them and leave the silicone as it is.
+        The forces of what is stiff make up the residual: a loose solve would see to them and leave the silicone as it is.
         """
-        if self.system.sheet is None or self._since is None:
+        if self._since is None:
             return LOOSEST
-        return max(TIGHTEST, LOOSEST / max(1.0, float(self.system.potential.sheet_stiffness.value)))
+        return max(TIGHTEST, LOOSEST / max(1.0, self.system.potential.foreseen))
 
 
 _REASONS = {

@@ -145,6 +145,24 @@ class Setting:
     per_pascal: fem.Constant
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Foresight:
+    """What a term's stress is foreseen from in Newton's matrix, and the matrix' two directions.
+
+    Attributes:
+        known: The unknowns of another state.
+        displacement: Skew components of the displacement in them, in UFL.
+        move: From there to the current state.
+        test, trial: Directions.
+    """
+
+    known: fem.Function
+    displacement: Expr
+    move: fem.Function
+    test: Expr
+    trial: Expr
+
+
 class Equations(Protocol):
     """What a term's figures are computed with: the `System`, whose functions hold the state."""
 
@@ -175,6 +193,18 @@ class Term:
     """
 
     energies: list[ufl.Form]
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness in Pa of a term whose stress is foreseen in Newton's matrix, of a face in Pa sizes; 0 of any other."""
+        return 0.0
+
+    def tangent(self, foresight: Foresight) -> list[ufl.Form] | None:
+        """Second derivatives of `energies`, one for each, if their stress is foreseen; None for the plain ones.
+
+        See `softmodels.mechanics.potential.Potential.foresee`: a stiff term that is turned needs it.
+        """
+        return None
 
     def compile(self, equations: Equations) -> None:
         """Compile what `figures` needs, once."""

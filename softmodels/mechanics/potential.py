@@ -23,7 +23,7 @@ from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.contact import Contact, Obstacle
 from softmodels.mechanics.coupling import Coupling
-from softmodels.mechanics.parts import EnergyPart, Part, Setting
+from softmodels.mechanics.parts import EnergyPart, Foresight, Part, Setting
 from softmodels.mechanics.region_space import jumping
 from softmodels.mechanics.regions import Regions, constants
 from softmodels.mechanics.sheet import Sheet, membrane_energy, membrane_stress, membrane_tangent, surface_metric
@@ -109,10 +109,11 @@ class Potential:
         self.per_pascal = fem.Constant(mesh, 1.0)
         setting = Setting(body, self.w, self.displacement, self.per_pascal)
         self.terms = {part.label: part.term(setting) for part in parts if isinstance(part, EnergyPart)}
+        self._before_terms = len(self.energies)
         self.energies += [energy for term in self.terms.values() for energy in term.energies]
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
-        # The stress of a sheet as it is foreseen from another state, in Newton's matrix alone; see `foresee`.
+        # The stress of sheets and fibres as it is foreseen from another state, in Newton's matrix alone; see `foresee`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
 
     def _vector_part(self, w: Expr) -> Expr:
@@ -157,13 +158,18 @@ class Potential:
         return [*inside, stiffness * membrane * self.body.hoop * on_face]
 
     def tangent(self, trial: Expr) -> list[ufl.Form]:
-        """Derivatives of the forces along a trial function, one for each; that of a sheet with its stress foreseen."""
+        """Derivatives of the forces along a trial function, one for each; of sheets and fibres with their stress foreseen."""
         import ufl
 
         found = [ufl.derivative(force, self.w, trial) for force in self.forces]
+        y = self._vector_part(self._known)
+        at, foresight = self._before_terms, Foresight(self._known, y, self._move, self._test, trial)
+        for term in self.terms.values():
+            if (seconds := term.tangent(foresight)) is not None:
+                found[at : at + len(seconds)] = seconds
+            at += len(term.energies)
         if self.sheet is not None:
             on_face, normal = self.body.sheet_face(self.sheet.face)
-            y = self._vector_part(self._known)
             C, known = (surface_metric(self.body.deformation_gradient(u), normal) for u in (self.displacement, y))
             stress = membrane_stress(known)
             foreseen = stress + ufl.derivative(stress, self._known, self._move)
@@ -194,8 +200,15 @@ class Potential:
             share.value = coupling.shares[i]
             rest.value = pressures[i] - P * coupling.shares[i]
 
+    @property
+    def foreseen(self) -> float:
+        """Largest stiffness, in shear moduli, of what has its stress foreseen in Newton's matrix; 0 if nothing has."""
+        per_pascal = float(self.per_pascal.value)
+        sheet = 0.0 if self.sheet is None else float(self.sheet_stiffness.value)
+        return max([sheet, *(term.stiffness * per_pascal for term in self.terms.values())])
+
     def foresee(self, known: npt.NDArray[np.float64], ahead: bool = True) -> None:
-        """Foresee a sheet's stress in the current state to first order from another state's dofs ``known``.
+        """Foresee the stress of sheets and fibres in the current state to first order from another state's dofs ``known``.
 
         A stiff sheet that is turned a little too far is stretched by the square of that, and so has at once more stress than
         all the rest bears. With this stress in its matrix Newton's method would need ever smaller steps. The stress that the
@@ -207,7 +220,7 @@ class Potential:
             known: Local dofs of that state; what follows them is not read.
             ahead: Whether the stress is foreseen from there to the current state, or is that state's own.
         """
-        if self.sheet is not None:
+        if self.foreseen:
             here = self.w.x.array
             self._known.x.array[:] = known[: len(here)]
             self._move.x.array[:] = here - known[: len(here)] if ahead else 0.0

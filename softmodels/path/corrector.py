@@ -55,9 +55,9 @@ class Corrector:
         try:
             state = self.solver.solve(line, w, P)
         except NoConvergence:
-            if self.solver.system.sheet is None:
+            if not self.solver.system.potential.foreseen:
                 raise
-            # A stiff sheet may have been in the way.
+            # A stiff sheet or stiff fibres may have been in the way.
             state = self.solver.solve(line, w, P, since=around[-1].state.w)
         for mode in self.trail.modes:
             if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):

@@ -1,0 +1,138 @@
+"""A term of the potential that is a function of a few strains at every point of faces or regions: fibres, fabrics.
+
+Newton's matrix takes the stress of such a term as it is foreseen from another state, as that of a sheet: see
+`softmodels.mechanics.potential.Potential.foresee`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geometries import Actuator
+from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
+from softmodels.mechanics.parts import Foresight, PartError, Setting, Term
+
+if TYPE_CHECKING:
+    import ufl
+    from ufl.core.expr import Expr
+
+
+NOWHERE = 1e-12
+"""Square of a direction's length below which a face has none: it is cut at right angles."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Place:
+    """Where a term is integrated: a measure, and the unit normal of a face, or None in a region."""
+
+    measure: ufl.Measure
+    normal: Expr | None
+
+
+def places(body: Body, names: Sequence[str]) -> list[Place]:
+    """The faces or regions of these names; the whole body if there are none."""
+    if not names:
+        return [Place(body.measures()[0], None)]
+    return [_region(body, name) if name in body.regions else Place(*body.sheet_face(name)) for name in names]
+
+
+def _region(body: Body, name: str) -> Place:
+    import ufl
+    from dolfinx import mesh as meshes
+
+    cells = np.sort(body.regions[name])
+    tags = meshes.meshtags(body.mesh, body.mesh.topology.dim, cells, np.full(len(cells), SHEET, dtype=np.int32))
+    rule = {"quadrature_degree": QUADRATURE_DEGREE}
+    return Place(ufl.Measure("dx", body.mesh, subdomain_data=tags, metadata=rule)(SHEET), None)
+
+
+def names_in(text: str) -> list[str]:
+    """Names with commas between."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def change_along(F: Expr, direction: Expr) -> Expr:
+    """Change of squared length of a line along a direction, over its squared length: 0 where there is no direction."""
+    import ufl
+
+    square, moved = ufl.dot(direction, direction), ufl.dot(F, direction)
+    return (ufl.dot(moved, moved) - square) / (square + NOWHERE)
+
+
+def faces_of(actuator: Actuator) -> tuple[str, ...]:
+    """Faces of a device that can be reinforced."""
+    return (*actuator.faces, "cavity")
+
+
+def check_faces(where: str, actuator: Actuator, names: Sequence[str]) -> None:
+    """Raise `PartError` for names that are no faces of the device."""
+    for name in names:
+        if name not in faces_of(actuator):
+            raise PartError(
+                f"{where}: {name!r} is no face of {type(actuator).__name__}; it has {', '.join(faces_of(actuator))}"
+            )
+
+
+def check_regions(where: str, actuator: Actuator, names: Sequence[str]) -> None:
+    """Raise `PartError` for names that are no regions of the device."""
+    for name in names:
+        if name not in actuator.regions:
+            known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
+            raise PartError(f"{where}: {type(actuator).__name__} has no region {name!r}; {known}")
+
+
+class StrainTerm(Term):
+    """An energy per undeformed volume or area that depends on a vector of strains.
+
+    Args:
+        setting: The potential it belongs to.
+        where: Places that it is integrated over.
+        strains: The vector of strains, of the deformation gradient and a place.
+        density: The energy, of that vector.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        where: Sequence[Place],
+        strains: Callable[[Expr, Place], Expr],
+        density: Callable[[Expr], Expr],
+    ):
+        self.setting, self.where, self.strains, self.density = setting, where, strains, density
+        super().__init__([self.integral(density(self._strains(setting.displacement, place)), place) for place in where])
+
+    def integral(self, integrand: Expr, place: Place) -> ufl.Form:
+        """Integral over a place of the slice, in an axisymmetric section of the device."""
+        return integrand * self.setting.body.hoop * place.measure
+
+    def _strains(self, displacement: Expr, place: Place) -> Expr:
+        return self.strains(self.setting.body.deformation_gradient(displacement), place)
+
+    def stress(self, strains: Expr) -> tuple[Expr, Expr]:
+        """Derivative of the energy by the strains, and its derivative."""
+        import ufl
+
+        x = ufl.variable(strains)
+        first = ufl.diff(self.density(x), x)
+        return first, ufl.diff(first, x)
+
+    def tangent(self, foresight: Foresight) -> list[ufl.Form]:
+        """Second derivatives of `energies`, their stress foreseen; see `Term.tangent`."""
+        import ufl
+
+        w, test, trial = self.setting.w, foresight.test, foresight.trial
+        forms = []
+        for place in self.where:
+            strains = self._strains(self.setting.displacement, place)
+            along = ufl.derivative(strains, w, test)
+            _, stiffness = self.stress(strains)
+            known = self._strains(foresight.displacement, place)
+            stress, slope = self.stress(known)
+            foreseen = stress + ufl.dot(slope, ufl.derivative(known, foresight.known, foresight.move))
+            second = ufl.inner(ufl.dot(stiffness, ufl.derivative(strains, w, trial)), along)
+            forms.append(self.integral(second + ufl.inner(foreseen, ufl.derivative(along, w, trial)), place))
+        return forms

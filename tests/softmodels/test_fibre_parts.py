@@ -1,0 +1,63 @@
+"""Fibres and fabrics in case files: read and written exactly, refused with a sentence where they cannot be meant."""
+
+from __future__ import annotations
+
+import pytest
+
+import softmodels as sm
+from softmodels.case.case import Case, CaseError
+from softmodels.mechanics.fabric import Fabric
+from softmodels.mechanics.fibres import Fibres
+from softmodels.results.columns import term
+
+TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
+
+
+def case(device, *parts):
+    return Case("tube", device, sm.NeoHookean(30e3, 0.5), pressures_cm=(0.0, 10.0), parts=parts)
+
+
+def test_they_come_back_from_a_case_file():
+    parts = (
+        Fabric(on="strip", along=5e4, across=123.4, poisson=0.1, name="cloth"),
+        Fibres(on="wall", modulus=1.25e6, angle=33.3, law="exponential", exponent=7.5, name="braid"),
+        Fibres(on="outer, strip", stiffness=2e4, angle=90.0, helices=1, slack=True, name="hoop"),
+    )
+    text = case(HALF, *parts).to_toml()
+    assert set(Case.from_toml(text).parts) == set(parts) and "[fibres.hoop]" in text and "25" in text
+
+
+@pytest.mark.parametrize(
+    ("device", "table", "words"),
+    [
+        (TUBE, "[fibres]\non = 'wall'", "one of stiffness .* and modulus"),
+        (TUBE, "[fibres]\non = 'wall'\nmodulus = '1 MPa'\nstiffness = '1 N/m'", "one of stiffness"),
+        (TUBE, "[fibres]\nstiffness = '1 kN/m'", "on is empty"),
+        (TUBE, "[fibres]\non = 'outer'\nmodulus = '1 MPa'", "no region 'outer'; its regions are wall, cap"),
+        (TUBE, "[fibres]\non = 'wall'\nstiffness = '1 kN/m'", "'wall' is no face of Cylinder; it has outer, side, end"),
+        (TUBE, "[fibres]\non = 'strip'\nstiffness = '1 kN/m'", "'strip' is no face"),
+        (TUBE, "[fibres]\nmodulus = '1 MPa'\nhelices = 1", "cannot twist"),
+        (TUBE, "[fibres]\nmodulus = '1 MPa'\naxis = [1.0, 0.0, 0.0]", "the axis is 0, 0, 1"),
+        (HALF, "[fibres]\nmodulus = '1 MPa'\nhelices = 1", "not its own image in the plane of symmetry plane0"),
+        (HALF, "[fibres]\nmodulus = '1 MPa'\naxis = [1.0, 1.0, 0.0]", "neither lies in the plane"),
+        (TUBE, "[fibres]\nmodulus = '1 MPa'\nangle = '95 deg'", "between -90 and 90"),
+        (TUBE, "[fibres]\nmodulus = '1 MPa'\naxis = [0.0, 0.0, 0.0]", "three numbers"),
+        (TUBE, "[fibres]\nmodulus = '1 MPa'\nlaw = 'cubic'", "one of standard, exponential"),
+        (TUBE, "[fibres]\nmodulus = '1 MPa'\nexponent = -1", "exponent is -1"),
+        (TUBE, "[fibres]\nmodulus = '5 TPa'", "are taken"),
+        (TUBE, "[fabric]\non = 'outer'\nalong = '1 kN/m'", "both|needs"),
+        (TUBE, "[fabric]\non = 'outer'\nalong = '1 kN/m'\nacross = '0 N/m'", "across is 0 N/m"),
+        (TUBE, "[fabric]\non = 'outer'\nalong = '1 kN/m'\nacross = '4 kN/m'\npoisson = 0.5", "stays below 0.5"),
+        (TUBE, "[fabric]\non = 'outer'\nalong = '1 kN/m'\nacross = '1 kN/m'\npoisson = 0.3\nslack = true", "do not contract"),
+        (TUBE, "[fabric]\non = 'outer'\nalong = '1 kN/m'\nacross = '1 kN/m'\nangle = '45 deg'", "cannot twist"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant(device, table, words):
+    with pytest.raises(CaseError, match=words):
+        Case.from_toml(f"{case(device).to_toml()}\n{table}\n")
+
+
+def test_their_columns_are_explained():
+    assert term("braid_mean_tension_kPa").name == "tension of braid"
+    assert term("hoop_mean_tension_N_per_m").name == "tension of hoop"
+    assert term("cloth_stretch_along").name == "stretch of cloth along"
