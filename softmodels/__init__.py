@@ -22,12 +22,14 @@ _PLACES = {
     "measurement.folder_lock": ("InUseError",),
     "measurement.own_folder": ("OwnFolderError",),
     "geometries": (
+        "BendingBellows",
         "Cylinder",
         "HollowDisk",
         "SeminarActuator",
         "ImportedActuator",
         "ImportedMesh",
         "Membrane",
+        "PneuNet",
         "GeometryError",
         "MeshFileError",
         "MeshingError",
@@ -71,6 +73,7 @@ _NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
 __all__ = ["__version__", *_NAMES]
 
 if TYPE_CHECKING:
+    from geometries import BendingBellows as BendingBellows
     from geometries import Cylinder as Cylinder
     from geometries import GeometryError as GeometryError
     from geometries import HollowDisk as HollowDisk
@@ -79,6 +82,7 @@ if TYPE_CHECKING:
     from geometries import Membrane as Membrane
     from geometries import MeshFileError as MeshFileError
     from geometries import MeshingError as MeshingError
+    from geometries import PneuNet as PneuNet
     from geometries import SeminarActuator as SeminarActuator
     from measurement.folder_lock import InUseError as InUseError
     from measurement.own_folder import OwnFolderError as OwnFolderError
