@@ -18,6 +18,7 @@ from measurement.ending import stoppable
 # While Python looks for the module that -m names, as python -m geometries, it is no library that is imported.
 with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullcontext():
     from geometries.actuator import Actuator, CutPlane, Hold
+    from geometries.beam import Beam
     from geometries.bending_bellows import BendingBellows
     from geometries.cylinder import Cylinder
     from geometries.disk import HollowDisk
@@ -32,6 +33,7 @@ with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullconte
 __all__ = [
     "ACTUATORS",
     "Actuator",
+    "Beam",
     "BendingBellows",
     "CutPlane",
     "Cylinder",

@@ -18,7 +18,7 @@ PETSC = ("what follows --", "the variable PETSC_OPTIONS")
 _arguments: dict[str, str] = {}
 _choices: set[str] = set()
 _VALUE = r"'[^']*'|[+-]?\d[\d.]*(?:e[+-]?\d+)?(?:deg|[a-zA-Z%/]+)?|[a-z][a-z-]*"
-_OPTION = re.compile(rf"(?<![\w-])--(?P<name>[a-z][a-z0-9]*(?:-[a-z0-9]+)*)(?:[ =](?P<value>{_VALUE})(?![\w-]))?")
+_OPTION = re.compile(rf"(?<![\w-])--(?P<name>[a-z][a-z0-9]*(?:-[a-zA-Z0-9]+)*)(?:[ =](?P<value>{_VALUE})(?![\w-]))?")
 _MORE = re.compile(rf"(=\S+) or ({_VALUE})(?![\w-])")
 
 

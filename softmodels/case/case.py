@@ -19,6 +19,7 @@ from softmodels.case.entries import MISSING, Entry, Part, SeriesKind, Supply, Ta
 from softmodels.case.errors import PART_ERRORS, CaseError
 from softmodels.case.gauges import Gauges
 from softmodels.case.load import STIFFNESS_RANGE, Load
+from softmodels.case.load_request import LoadRequest, LoadRequestEntry
 from softmodels.case.material_check import check_materials
 from softmodels.case.material_errors import ErrorsEntry, MaterialErrors
 from softmodels.case.material_table import DEFAULT
@@ -81,6 +82,7 @@ class Case:
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
         parts: What else is added to the device; see `softmodels.mechanics.parts`.
         band: Errors of the material, whose 95 % band is told of every state; None for none.
+        driven: Requested forces, or travels, of a dead load among these.
 
     Raises:
         CaseError: From the constructor, if this cannot be run or cannot be meant.
@@ -120,6 +122,7 @@ class Case:
     gauges: Gauges = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
     parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
     band: MaterialErrors | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
+    driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):

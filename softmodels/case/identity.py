@@ -38,7 +38,8 @@ def digest(path: Path | str) -> str:
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
     """The first name under which two identities differ, requested values aside; None if there is none."""
     for name in [*new, *(name for name in old if name not in new)]:
-        if name.split(".")[0] not in MAY_GROW and old.get(name) != new.get(name):
+        grows = name.split(".")[0] in MAY_GROW or name == "driven.values"
+        if not grows and old.get(name) != new.get(name):
             return name
     return None
 

@@ -7,9 +7,14 @@ import dataclasses
 from geometries import Actuator
 from measurement.units import pascal_per_cm
 from softmodels.case.errors import CaseError
+from softmodels.case.load_request import WORDS, LoadRequest
+from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.loads import Force, Moment
+from softmodels.mechanics.parts import Part
 from softmodels.path import schedule as programs
 from softmodels.path.air_supply import AirSupply
-from softmodels.path.schedule import Program
+from softmodels.path.quantities import DeadForce, Travel
+from softmodels.path.schedule import EVERY_KEY, Program
 
 STIFFNESS_RANGE = 30.0
 """Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""
@@ -52,11 +57,17 @@ class Load:
     cycle: bool
     control: str
     water_density: float
+    driven: LoadRequest | None
+    parts: tuple[Part, ...]
 
     @property
     def requested(self) -> Requested:
         if self.program:
             return STEP
+        if self.driven is not None:
+            name = Travel.name if self.driven.held else DeadForce.name
+            column = self.driven.column(self.driven.of(self.parts))
+            return Requested(name, WORDS[self.driven.key], EVERY_KEY[self.driven.key].unit, column)
         return PRESSURE if self.pressures_cm else VOLUME if self.volumes_ml else STROKE
 
     @property
@@ -70,17 +81,24 @@ class Load:
         return pascal_per_cm(self.water_density)
 
     @property
+    def scale(self) -> float:
+        """SI units in one of the requested values'; 1 of a program."""
+        if self.driven:
+            return EVERY_KEY[self.driven.key].scale
+        return 1.0 if self.program else self.cm if self.pressures_cm else 1e-6
+
+    @property
     def values(self) -> tuple[float, ...]:
         """Requested values in their unit; of a program the numbers of its steps."""
         if self.program:
             rest = programs.begins_at_rest(self.program)
             return tuple(float(k) for k in range(1 - rest, len(self.program[0].values) + 1 - rest))
-        return self.pressures_cm or self.volumes_ml or self.strokes_ml
+        return self.pressures_cm or self.volumes_ml or self.strokes_ml or (self.driven.values if self.driven else ())
 
     @property
     def goals(self) -> tuple[float, ...]:
-        """Requested pressures in Pa, added volumes or strokes in m3; none of a program."""
-        return tuple(p * self.cm for p in self.pressures_cm) or tuple(v * 1e-6 for v in self.values)
+        """Requested pressures in Pa, added volumes or strokes in m3, forces and travels in SI units; none of a program."""
+        return tuple(value * self.scale for value in self.values)
 
     def check(self, actuator: Actuator) -> None:
         """Refuse what cannot be followed.
@@ -89,19 +107,32 @@ class Load:
             CaseError: Nothing is requested, or several things at once; what goes against another.
             SupplyError: Strokes that the supply cannot make.
         """
-        if sum(map(bool, (self.pressures_cm, self.volumes_ml, self.strokes_ml, self.program))) != 1:
+        asked = (self.pressures_cm, self.volumes_ml, self.strokes_ml, self.program, self.driven)
+        if sum(map(bool, asked)) != 1:
             raise CaseError(
                 "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
-                "(--supply syringe with --stroke-ml), or in a case file a series for each cavity (cavity1.pressure_cm): one of "
-                "these"
+                "(--supply syringe with --stroke-ml), or forces on a face (--force-N), or in a case file a series for each "
+                "cavity (cavity1.pressure_cm): one of these"
+            )
+        if not actuator.ratios and (self.pressures_cm or self.volumes_ml or self.strokes_ml):
+            raise CaseError(
+                f"{type(actuator).__name__} has no cavity to put a pressure or a volume in; load it by a force (--force with "
+                "--force-N) or by its weight (--gravity with --weight-share 0:1)"
             )
         if self.program:
             self._check_program(actuator)
-        if self.cycle and not self.pressures_cm:
-            raise CaseError("--cycle raises and lowers a pressure; give --pressure-cm with it")
+        if self.driven is not None:
+            self._check_driven(self.driven, actuator)
+        if self.cycle and not (self.pressures_cm or (self.driven and not self.driven.held)):
+            raise CaseError("--cycle raises and lowers a pressure or a force; give --pressure-cm or --force-N with it")
         if self.cycle and self.control != "auto":
             raise CaseError("--cycle chooses by itself what it follows; leave out --control")
         self._check_supply(actuator)
+        if self.supply is not None and any(isinstance(part, LoadPart) for part in self.parts):
+            raise CaseError(
+                "the strokes of a supply are counted from the undeformed cavity, and a device with weights or forces begins "
+                "from another; request pressures or added volumes"
+            )
         if self.volumes_ml and self.control == "pressure":
             raise CaseError("added volumes cannot be requested under pressure control; use --control auto or volume")
         if not 100.0 <= self.water_density <= 20000.0:
@@ -113,9 +144,10 @@ class Load:
         Raises:
             CaseError: A supply, a program or a cycle.
         """
-        if self.program or self.supply is not None or self.cycle:
+        if self.program or self.supply is not None or self.cycle or self.driven is not None:
             raise CaseError(
-                "a band is told of states at requested pressures or volumes; leave out --band, or supply, cycle and series"
+                "a band is told of states at requested pressures or volumes; leave out --band, or supply, cycle, requested "
+                "forces and series"
             )
 
     def check_branch(self) -> None:
@@ -140,13 +172,37 @@ class Load:
             if self.control not in ("auto", "arc-length"):
                 raise CaseError("strokes are followed under --control auto or arc-length")
 
-    def _check_program(self, actuator: Actuator) -> None:
-        count = len(actuator.ratios)
-        if len(self.program) != count:
+    def _check_driven(self, driven: LoadRequest, actuator: Actuator) -> None:
+        load = driven.of(self.parts)
+        if driven.at_pressure_cm and not actuator.ratios:
             raise CaseError(
-                f"[load] tells of {len(self.program)} cavities and the device has {count}; give a series for each"
+                f"at_pressure_cm: {type(actuator).__name__} has no cavity to put a pressure in; leave it out"
             )
-        if actuator.ratios != (1.0,) * count:
+        if isinstance(load, Force | Moment) and load.amount:
+            raise CaseError(
+                f"{load.where} has an amount that is kept, and {WORDS[driven.key]} of it are requested; leave one of them out"
+            )
+
+    def _check_program(self, actuator: Actuator) -> None:
+        count, known = len(actuator.ratios), {part.key: part for part in self.parts if isinstance(part, LoadPart)}
+        of_cavities = [series for series in self.program if not series.target]
+        if of_cavities and len(of_cavities) != count:
+            raise CaseError(
+                f"[load] tells of {len(of_cavities)} cavities and the device has {count}; give a series for each"
+            )
+        for series in self.program:
+            if series.target and series.target not in known:
+                table, _, name = series.target.partition(".")
+                raise CaseError(
+                    f"[load] has a series for {series.target} and the case has no [{table}{'.' + name if name else ''}]; the "
+                    f"loads it has are {', '.join(known) or 'none'}"
+                )
+            load = known.get(series.target)
+            if isinstance(load, Force | Moment) and load.amount:
+                raise CaseError(
+                    f"{load.where} has an amount that is kept, and a series in [load]; leave one of them out"
+                )
+        if of_cavities and actuator.ratios != (1.0,) * count:
             raise CaseError(
                 "pressure_ratios and a series for each cavity say the same thing twice; leave out the ratios"
             )
@@ -163,9 +219,10 @@ class Load:
         Raises:
             CaseError: So far from what the material or the cavity bears.
         """
-        given = {is_volume: [v for one in self.program if one.is_volume == is_volume for v in one.values]
+        given = {is_volume: [v for one in self.program if one.is_volume == is_volume and not one.target for v in one.values]
                  for is_volume in (False, True)}  # fmt: skip
-        highest = max([*self.pressures_cm, *given[False]], default=0.0)
+        kept = self.driven.at_pressure_cm if self.driven else 0.0
+        highest = max([*self.pressures_cm, *given[False]], default=kept)
         if (most := highest * self.cm) > STIFFNESS_RANGE * shear_modulus:
             raise CaseError(
                 f"a pressure of {highest:g} cm ({most / 1e3:.4g} kPa) against a shear modulus of {shear_modulus / 1e3:.4g} "

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 
 from geometries import Actuator
 from geometries.errors import FieldError
-from geometries.kinds import Text
-from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, table_of
+from geometries.fields import about
+from geometries.kinds import Text, Words
+from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
 from softmodels.case.region import Region
 from softmodels.mechanics.fabric import Fabric
 from softmodels.mechanics.fibres import Fibres
 from softmodels.mechanics.holds import Clamp
+from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
 from softmodels.mechanics.parts import PARTS, Part, PartError
 from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.rigid_shapes import RigidShape
@@ -20,7 +23,9 @@ from softmodels.mechanics.walls.part import Walls
 
 Parts = tuple[Part, ...]
 
-OWN_KINDS: tuple[type[Part], ...] = (RigidShape, Walls, Rigid, Region, Clamp, Fabric, Fibres)
+OWN_KINDS: tuple[type[Part], ...] = (
+    RigidShape, Walls, Rigid, Region, Clamp, Fabric, Fibres, Gravity, Mass, Force, Moment,
+)  # fmt: skip
 """Kinds of the library's own: their import here registers them."""
 
 
@@ -41,6 +46,38 @@ class PartsEntry(Entry[Parts]):
             table = written.setdefault(part.table, {})
             (table.setdefault(part.name, {}) if part.name else table).update(part.write_table(text))  # type: ignore[attr-defined]
         return written
+
+    def options(self) -> Iterator[Option]:
+        for kind in _optional():
+            defaults = {field.name: field.default for field in dataclasses.fields(kind)}
+            for name, option in _options(kind).items():
+                field = about(kind)[name]
+                default = None if defaults[name] is dataclasses.MISSING else defaults[name]
+                yield Option(option, field, default, name.upper() if isinstance(field.kind, Words) else None)
+
+    def arguments(self, field: str) -> dict[str, str]:
+        return {option: f"{kind.__name__}.{name}" for kind in _optional() for name, option in _options(kind).items()}
+
+    def take(self, options: MutableMapping[str, object]) -> Parts | Missing:
+        found = []
+        for kind in _optional():
+            given = {name: options.pop(option, None) for name, option in _options(kind).items()}
+            table = {name: value for name, value in given.items() if value is not None}
+            if table:
+                kind.check_required("", table)
+                found.append(kind(**table))  # type: ignore[arg-type]
+        return tuple(found) or MISSING
+
+
+def _optional() -> list[type[Part]]:
+    """Kinds of parts that command lines have options for."""
+    return [kind for kind in PARTS.values() if kind.optional]
+
+
+def _options(kind: type[Part]) -> dict[str, str]:
+    """Options by field."""
+    first, *others = about(kind)
+    return {first: kind.table, **{name: f"{kind.table}_{name}" for name in others}}
 
 
 def _of_table(kind: type[Part], tables: Tables) -> list[Part]:
@@ -69,5 +106,9 @@ def check_parts(parts: Sequence[Part], actuator: Actuator) -> None:
         raise PartError(
             f"several parts are called {twice[0]}; give each a name of its own, since their columns bear it"
         )
+    if (hung := [part for part in parts if isinstance(part, Mass)]) and not any(
+        isinstance(part, Gravity) for part in parts
+    ):
+        raise PartError(f"{hung[0].where} hangs under gravity; say where that pulls to ([gravity], --gravity -z)")
     for part in parts:
         part.check_on(actuator)

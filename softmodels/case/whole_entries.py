@@ -11,7 +11,7 @@ from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, ta
 from softmodels.case.gauges import Gauges
 from softmodels.materials.laws import Material
 from softmodels.path import schedule as programs
-from softmodels.path.schedule import Program
+from softmodels.path.schedule import LOAD_KEYS, Program
 
 
 class NameEntry(Entry[object]):
@@ -49,12 +49,12 @@ class MaterialEntry(Entry[Material]):
 
 
 class ProgramEntry(Entry[Program]):
-    """A series for each cavity: tables ``cavity1`` and so on within the load."""
+    """A series for each cavity, and for dead loads: tables ``cavity1``, ``force`` and so on within the load."""
 
     tables = ("load",)
 
     def known(self, key: str) -> bool:
-        return key.startswith("cavity")
+        return key.startswith("cavity") or key in LOAD_KEYS
 
     def read(self, tables: Tables) -> Program | Missing:
         series = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}

@@ -13,7 +13,7 @@ from measurement.own_folder import OwnFolderError
 from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.results.columns import cavity_columns, term
+from softmodels.results.columns import cavity_columns, loads_words, term
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results.row import Row
@@ -79,9 +79,10 @@ def _band(row: Row, column: str) -> str:
 
 def _loaded(row: Row) -> str:
     cavities = cavity_columns(row, "pressure", "cm")
+    more = "".join(f", {words}" for words in loads_words(row))
     if "load_step" in row and len(cavities) > 1:
-        return ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1))
-    return f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa)"
+        return ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1)) + more
+    return f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa){more}"
 
 
 def pressed(row: Row) -> str:

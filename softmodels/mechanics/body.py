@@ -233,7 +233,7 @@ class Body:
         """Volumes that rigid things enclose beside the cavities' walls, shape (k,); dimensionless, of the slice."""
         actuator = self.actuator
         found = np.zeros(len(actuator.ratios))
-        found[0] = actuator.chamber_volume / (actuator.size**3 * actuator.copies)
+        found[:1] = actuator.chamber_volume / (actuator.size**3 * actuator.copies)
         return found
 
     def _constant_inverse(self) -> fem.Constant:

@@ -69,6 +69,11 @@ class LoadPart(Part):
     def moved_column(self) -> str:
         """Column with what it works on from the undeformed state, in units of ``moved_column_unit``."""
 
+    @property
+    @abc.abstractmethod
+    def travel_column(self) -> str:
+        """Column with the same from where the path begins."""
+
     def _named(self, what: str, unit: str) -> str:
         """A column's name with the load's own in it, if it has one."""
         return f"{what}_{self.name}_{unit}" if self.name else f"{what}_{unit}"
@@ -178,6 +183,7 @@ class DeadLoads:
         loads: The loads.
         amounts: Their magnitudes where nothing else is asked for: of the whole device, SI units.
         forms: Compiled, one for each: the load of a unit magnitude on the slice.
+        origins: What all drivers worked on where the path began, dimensionless; None before that.
 
     Raises:
         PartError: A load that moves nothing, or not on this mesh.
@@ -191,6 +197,7 @@ class DeadLoads:
         spread = [part.spread(Spread(system), parts) for part in self.loads] if self.loads else []
         self.amounts = np.array([found.amount for found in spread], dtype=float)
         self.forms = [system.form(found.form) for found in spread]
+        self.origins: Array | None = None
         self._vector = fem.Function(system.space) if self.forms else system.w
 
     def check(self) -> None:
@@ -234,9 +241,14 @@ class DeadLoads:
             drives: Magnitudes of the loads, dimensionless, shape (loads,).
         """
         magnitudes, moved, found = drives * self.units, self.moved() * self.moved_units, dict[str, float]()
-        for load, magnitude, way in zip(self.loads, magnitudes, moved, strict=True):
+        for place, (load, magnitude, way) in enumerate(zip(self.loads, magnitudes, moved, strict=True)):
             found[load.column] = float(magnitude) / load.column_unit
             found[load.moved_column] = float(way) / load.moved_column_unit
+            if self.origins is not None:
+                way -= self.origins[len(self.system.body.actuator.ratios) + place] * self.moved_units[place]
+                found[load.travel_column] = float(way) / load.moved_column_unit
+            if load.table == "gravity":
+                found["weight_share"] = float(magnitude) / self.amounts[place]
         return {**found, LOADS_ENERGY: -float(magnitudes @ moved) * 1e3} if found else found
 
     def index(self, key: str) -> int:

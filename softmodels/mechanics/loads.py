@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
@@ -18,6 +17,7 @@ from geometries.fields import field_of
 from geometries.kinds import Quantity, Words
 from softmodels.mechanics.body import BodyError, in_section
 from softmodels.mechanics.dead_loads import LOADS_ENERGY, HeavyPart, LoadPart, Spread, Weighed, check_finite, mean_place
+from softmodels.mechanics.load_directions import ALONG, check_direction, direction
 from softmodels.mechanics.parts import Part, PartError, register_part
 
 if TYPE_CHECKING:
@@ -28,48 +28,6 @@ SILICONE_DENSITY = 1070.0
 """kg/m3; makers' sheets have 1030 to 1130, see `softmodels.materials.casting`."""
 HEAVIEST = 25e3
 """Density in kg/m3 above which a unit is mistaken: no metal is denser."""
-ALONG = 1e-9
-"""Cosine up to which a direction lies in a plane."""
-
-
-def direction(text: str, where: str) -> Vector:
-    """Unit vector of a text such as ``"-z"`` or ``"0.6, 0, -0.8"``, in device coordinates.
-
-    Raises:
-        PartError: It is none.
-    """
-    if found := re.fullmatch(r"\s*([+-]?)\s*([xyz])\s*", text):
-        sign, axis = (-1.0 if found[1] == "-" else 1.0), "xyz".index(found[2])
-        vector = sign * np.eye(3)[axis]
-    else:
-        try:
-            vector = np.array([float(part) for part in text.split(",")])
-        except ValueError:
-            vector = np.zeros(0)
-        length = float(np.linalg.norm(vector)) if len(vector) == 3 else 0.0
-        if not (0.0 < length < np.inf):
-            raise PartError(f"{where}: {text!r} is no direction; write one like -z, or three numbers like 0.6, 0, -0.8")
-        vector = vector / length
-    return float(vector[0]), float(vector[1]), float(vector[2])
-
-
-def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
-    """Refuse a direction that the device's model cannot follow.
-
-    Raises:
-        PartError: Across the axis of a section, or out of a cut plane.
-    """
-    if actuator.dimension == 2 and abs(vector[2]) < 1 - ALONG:
-        raise PartError(
-            f"{where}: an axisymmetric section takes loads along its axis, z or -z; for others use {actuator.fuller}"
-        )
-    for plane in actuator.cut_planes if actuator.dimension == 3 else ():
-        if abs(float(np.dot(vector, plane.normal))) > ALONG:
-            across = ", ".join(f"{x:g}" for x in plane.normal)
-            raise PartError(
-                f"{where}: its direction leaves the plane square to ({across}) on which the device is cut in two equal sides; "
-                f"take one in that plane, or use {actuator.fuller}"
-            )
 
 
 @register_part
@@ -88,10 +46,13 @@ class Gravity(LoadPart):
     magnitude: float = field_of(Quantity("m/s^2"), "acceleration of gravity", STANDARD_GRAVITY)
 
     table: ClassVar[str] = "gravity"
+    optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'gravity needs its direction (direction = "-z", or --gravity -z)'
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "weight_N": ("weight", "of the whole device and of what hangs on it, as far as gravity is applied"),
         "sag_mm": ("sag", "mean displacement of all that is heavy along gravity, from the undeformed state"),
+        "sag_travel_mm": ("sag on the path", "the same from where the path begins"),
+        "weight_share": ("share of the weight", "how much of gravity is applied"),
         LOADS_ENERGY: (
             "energy of the loads",
             "potential energy of weights and forces as they are now: less by their work on the way from the undeformed state",
@@ -99,6 +60,7 @@ class Gravity(LoadPart):
     }
     column: ClassVar[str] = "weight_N"  # type: ignore[assignment]
     moved_column: ClassVar[str] = "sag_mm"  # type: ignore[assignment]
+    travel_column: ClassVar[str] = "sag_travel_mm"  # type: ignore[assignment]
 
     def check(self) -> None:
         direction(self.direction, self.where)
@@ -137,21 +99,22 @@ class Mass(HeavyPart):
 
     Attributes:
         face: Role of the facets.
-        mass: Of all that hangs on the whole device.
+        amount: Of all that hangs on the whole device.
     """
 
     face: str = field_of(Words(), "face that the mass hangs on, such as tip")
-    mass: float = field_of(Quantity("kg"), "mass that hangs on the face, of the whole device")
+    amount: float = field_of(Quantity("kg"), "mass that hangs on the face, of the whole device")
 
     table: ClassVar[str] = "mass"
-    needs: ClassVar[str] = 'a mass needs the face that it hangs on and its size (face = "tip", mass = "20 g")'
+    optional: ClassVar[bool] = True
+    needs: ClassVar[str] = 'a mass needs the face that it hangs on and its size (face = "tip", amount = "20 g")'
 
     def check(self) -> None:
-        check_finite(self.mass, self.where, "mass")
+        check_finite(self.amount, self.where, "amount")
 
     def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
         with _on_face(self):
-            return [Weighed(on.mean(along, self.face), self.mass)]
+            return [Weighed(on.mean(along, self.face), self.amount)]
 
 
 @register_part
@@ -162,14 +125,15 @@ class Force(LoadPart):
     Attributes:
         face: Role of the facets.
         direction: In device coordinates.
-        newtons: Its size on the whole device; 0 where a request or a program says it.
+        amount: Its size on the whole device; 0 where a request or a program says it.
     """
 
     face: str = field_of(Words(), "face that the force pulls at, such as tip")
     direction: str = field_of(Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
-    newtons: float = field_of(Quantity("N"), "force on the whole device; 0 where it is requested", 0.0)
+    amount: float = field_of(Quantity("N"), "constant force on the whole device; 0 where it is requested", 0.0)
 
     table: ClassVar[str] = "force"
+    optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'a force needs its face and its direction (face = "tip", direction = "-z")'
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "force_N": ("force", "on the whole device, spread over its undeformed face"),
@@ -180,6 +144,8 @@ class Force(LoadPart):
         r"moved_(\w+)_mm": (
             "displacement along force {0}", "mean of the loaded face along the force, from the undeformed state",
         ),
+        "travel_mm": ("travel along the force", "displacement of the loaded face from where the path begins"),
+        r"travel_(\w+)_mm": ("travel along force {0}", "displacement of the loaded face from where the path begins"),
     }  # fmt: skip
 
     @property
@@ -190,10 +156,14 @@ class Force(LoadPart):
     def moved_column(self) -> str:
         return self._named("moved", "mm")
 
+    @property
+    def travel_column(self) -> str:
+        return self._named("travel", "mm")
+
     def check(self) -> None:
         direction(self.direction, self.where)
-        if self.newtons:
-            check_finite(self.newtons, self.where, "newtons")
+        if self.amount:
+            check_finite(self.amount, self.where, "amount")
 
     @property
     def vector(self) -> Vector:
@@ -204,7 +174,7 @@ class Force(LoadPart):
 
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         with _on_face(self):
-            return Weighed(on.mean(in_section(self.vector, on.body.actuator.dimension), self.face), self.newtons)
+            return Weighed(on.mean(in_section(self.vector, on.body.actuator.dimension), self.face), self.amount)
 
 
 @register_part
@@ -219,14 +189,15 @@ class Moment(LoadPart):
     Attributes:
         face: Role of the facets.
         axis: Direction of the axis through the face's centre, in device coordinates; right-handed.
-        newton_metres: Its size on the whole device; 0 where a request or a program says it.
+        amount: Its size on the whole device; 0 where a request or a program says it.
     """
 
     face: str = field_of(Words(), "face that the moment turns, such as tip")
     axis: str = field_of(Words(), "axis of the moment through the face's centre, such as y, right-handed")
-    newton_metres: float = field_of(Quantity("N*m"), "moment on the whole device; 0 where it is requested", 0.0)
+    amount: float = field_of(Quantity("N*m"), "constant moment on the whole device; 0 where it is requested", 0.0)
 
     table: ClassVar[str] = "moment"
+    optional: ClassVar[bool] = True
     arm: ClassVar[int] = 3
     needs: ClassVar[str] = 'a moment needs its face and its axis (face = "tip", axis = "y")'
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -240,6 +211,8 @@ class Moment(LoadPart):
         r"turned_(\w+)_deg": (
             "rotation by moment {0}", "mean of the face's displacements about the axis, weighted by their distance",
         ),
+        "turn_deg": ("turn by the moment", "the rotation from where the path begins"),
+        r"turn_(\w+)_deg": ("turn by moment {0}", "the rotation from where the path begins"),
     }  # fmt: skip
     column_unit: ClassVar[float] = 1e-3
     moved_column_unit: ClassVar[float] = math.pi / 180
@@ -252,10 +225,14 @@ class Moment(LoadPart):
     def moved_column(self) -> str:
         return self._named("turned", "deg")
 
+    @property
+    def travel_column(self) -> str:
+        return self._named("turn", "deg")
+
     def check(self) -> None:
         direction(self.axis, self.where)
-        if self.newton_metres:
-            check_finite(self.newton_metres, self.where, "newton_metres")
+        if self.amount:
+            check_finite(self.amount, self.where, "amount")
 
     @property
     def vector(self) -> Vector:
@@ -282,7 +259,7 @@ class Moment(LoadPart):
             arm = ufl.cross(on.constant(axis), on.places - on.constant(centre))
             size = on.integral(ufl.dot(arm, arm), self.face)
             form = ufl.dot(on.constant(1 / size) * arm, on.test) * on.body.hoop * on.measure(self.face)
-            return Weighed(form, self.newton_metres)
+            return Weighed(form, self.amount)
 
 
 @contextlib.contextmanager

@@ -57,6 +57,8 @@ class Part(abc.ABC):
         table: Its table in a case file.
         needs: What is missing where a field without a default is not given, a sentence.
         always_named: Whether ``[table]`` itself belongs to something else, so that each stands in a ``[table.name]``.
+        optional: Whether command lines have options for one of it: ``--table`` for its first field, ``--table-field`` for the
+            others.
         figure_texts: Short name and meaning of its columns of ``path.csv`` by a pattern of `re`; ``{0}`` is its first group.
 
     Raises:
@@ -68,6 +70,7 @@ class Part(abc.ABC):
     needs: ClassVar[str] = ""
     always_named: ClassVar[bool] = False
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    optional: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         settle(self, PartError)
@@ -86,10 +89,16 @@ class Part(abc.ABC):
         """The part of a table of a case file; `FieldError` or the part's own error for what is none."""
         where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
         values = codec.from_table(cls, table, where, f"{cls.table} ")
+        cls.check_required(name, values)
+        return cls(**values, name=name)
+
+    @classmethod
+    def check_required(cls, name: str, values: Mapping[str, object]) -> None:
+        """Raise `FieldError` where a field without a default is not among the values."""
+        where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
         required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
         if missing := [field for field in required if field not in values]:
             raise FieldError(cls.needs or f"{where} needs {' and '.join(missing)}")
-        return cls(**values, name=name)
 
     def write_table(self, text: Text) -> dict[str, object]:
         """Its table in a case file, without its name."""

@@ -109,8 +109,13 @@ class Sensitivity:
             Owned entries, shape (n,), dimensionless per SI unit, a view that the next assembly overwrites; and the shear
             modulus' derivative.
         """
-        dmu = self._along.turn(self.solver.system.material, name)
-        return self.solver.system.assemble(self._material), dmu
+        eq = self.solver.system
+        dmu = self._along.turn(eq.material, name)
+        force = eq.assemble(self._material)
+        if eq.dead.forms:  # they keep their newtons, which in shear moduli fall
+            cavities, force = len(eq.pressures) - len(eq.dead.forms), force.copy()
+            force += dmu / eq.stress_unit * eq.pressures[cavities:] @ eq.pressure_loads()[cavities:]
+        return force, dmu
 
     def _rate(self, state: State, control: Control, name: str) -> Rate:
         eq = self.solver.system

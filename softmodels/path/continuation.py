@@ -161,7 +161,7 @@ class Continuation:
         last = self.last
         line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
         state = self.corrector.solve(line, self.trail.points)
-        self.corrector.check_branch(state)
+        self.corrector.check_branch(state, line)
         if goal is not None:
             state = self.requested.exactly(state, goal)
         change = GROWTH if state.iterations <= QUICK else 1.0 if state.iterations < SLOW else 0.6

@@ -17,6 +17,8 @@ from softmodels.path.trail import Trail
 
 LARGEST_MODE_SHARE = 0.5
 """Share of a bifurcation's mode in a guess's error, over the step's size, above which the state lies on another branch."""
+FARTHEST = 4.0
+"""How far a dead load may move what it acts on in one step, in terms of what the step's beginning foretells."""
 MOST_SECANTS = 25
 """Steps of the secant method in which a value between two points is found."""
 
@@ -98,19 +100,25 @@ class Corrector:
             state, tangent, requested, limit, step, self.trail.line, stale, solver.kept.age, stiffest, signature
         )
 
-    def check_branch(self, state: State) -> None:
-        """Refuse a state that Newton found somewhere else: behind the last one, its cavity inside out, or through a wall.
+    def check_branch(self, state: State, line: Curve) -> None:
+        """Refuse a state that Newton found on a line somewhere else: behind the last one, inside out, or through a wall.
+
+        A dead load's magnitude may be given beyond a limit point and met again far behind it, on a part that stiffens.
 
         Raises:
             NoConvergence: It lies there.
         """
         s, t = self.trail.last.state, self.trail.last.tangent
-        plane = self.plane.stiffened(self.trail.last.stiffest)
+        system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
         along = plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
-        if (self.solver.system.volumes() <= 0.0).any() or along <= 0.0:
+        if (system.volumes() <= 0.0).any() or along <= 0.0:
             raise NoConvergence("it jumped to another branch")
-        if not self.solver.system.potential.admits(s.w, state.w):
+        if not system.potential.admits(s.w, state.w):
             raise NoConvergence("a wall passed through what stops it")
+        if not (line.needs_volume or system.drives_cavities):
+            foretold = t.V * (state.P - s.P) / t.P if t.P else math.inf
+            if abs(state.V - s.V) > FARTHEST * abs(foretold):
+                raise NoConvergence("it gave way too far for one step")
 
     # -- between two points -------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ own pair (P, V), see `softmodels.mechanics.coupling`.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
 
@@ -85,37 +86,54 @@ Program = tuple[Series, ...]
 
 
 def from_tables(tables: Mapping[str, object]) -> Program:
-    """The program of a case file's tables, ``cavity1`` and so on by name.
+    """The program of a case file's tables: ``cavity1`` and so on by name, and ``gravity``, ``force.NAME``, ``moment.NAME``.
 
     Raises:
-        ProgramError: Unknown entries, values that are no numbers or below zero, series of unlike lengths, or a step that
-            changes nothing or both pressures and volumes.
+        ProgramError: Unknown entries, values that are no numbers, pressures below zero, series of unlike lengths, or a step
+            that changes nothing or both pressures and volumes.
     """
-    names = [f"cavity{i + 1}" for i in range(len(tables))]
-    if sorted(tables) != sorted(names):
-        raise ProgramError(f"[load] has {', '.join(tables)}; name the cavities {', '.join(names)}, each once")
-    given = [_series(name, tables[name]) for name in names]
-    count = max(len(series.values) for series in given)
+    cavities = [name for name in tables if name not in LOAD_KEYS]
+    names = [f"cavity{i + 1}" for i in range(len(cavities))]
+    if sorted(cavities) != sorted(names):
+        raise ProgramError(f"[load] has {', '.join(cavities)}; name the cavities {', '.join(names)}, each once")
+    loads = {target: table for kind in LOAD_KEYS if kind in tables for target, table in _of_loads(kind, tables[kind])}
+    given = {name: _series(name, tables[name], KEYS) for name in names}
+    for target, table in loads.items():
+        given[target] = dataclasses.replace(_series(target, table, LOAD_KEYS[target.partition(".")[0]]), target=target)
+    count = max(len(series.values) for series in given.values())
     if count > MOST_STEPS:
         raise ProgramError(f"the program has {count} steps; at most {MOST_STEPS} are taken")
     # One value alone is kept through all steps.
     program = tuple(
         dataclasses.replace(series, values=series.values * count) if len(series.values) == 1 else series
-        for series in given
+        for series in given.values()
     )
-    for name, series in zip(names, program, strict=True):
+    for name, series in zip(given, program, strict=True):
         if len(series.values) != count:
             raise ProgramError(
-                f"{name} has {len(series.values)} values where another cavity has {count}; give one for each step, or one "
+                f"{name} has {len(series.values)} values where another series has {count}; give one for each step, or one "
                 "alone that is kept"
             )
     _check_steps(program)
     return program
 
 
-def _series(name: str, table: object) -> Series:
-    if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in KEYS:
-        raise ProgramError(f"{name} needs one of {' or '.join(KEYS)}, such as {name}.pressure_cm = [20, 40]")
+def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
+    """The series of one kind of load by key: ``gravity = [...]``, ``force.force_N = [...]``, ``force.tip.force_N = [...]``."""
+    if kind == "gravity" and not isinstance(table, Mapping):
+        return [(kind, {"share": table})]
+    if not isinstance(table, Mapping):
+        raise ProgramError(
+            f"{kind} needs one of {' or '.join(LOAD_KEYS[kind])}, such as {kind}.tip.{next(iter(LOAD_KEYS[kind]))} = [0, 2]"
+        )
+    if any(key in LOAD_KEYS[kind] for key in table):
+        return [(kind, table)]
+    return [(f"{kind}.{name}", entries) for name, entries in table.items()]
+
+
+def _series(name: str, table: object, keys: Mapping[str, Given]) -> Series:
+    if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in keys:
+        raise ProgramError(f"{name} needs one of {' or '.join(keys)}, such as {name}.{next(iter(keys))} = [20, 40]")
     text = table[key]
     values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:
@@ -124,7 +142,7 @@ def _series(name: str, table: object) -> Series:
         raise ProgramError(
             f"{name}.{key} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
         ) from None
-    if not numbers or min(numbers) < 0.0:
+    if not numbers or (keys is KEYS and min(numbers) < 0.0):
         raise ProgramError(f"{name}.{key} {brief(text)} must be numbers of 0 or more; suction is not modelled")
     return Series(key, numbers)
 
@@ -157,21 +175,33 @@ def changes(program: Program) -> npt.NDArray[np.float64]:
 def goes_on(program: Program, old: Program) -> bool:
     """Whether a program is another one, or that and more steps."""
     return len(program) == len(old) and all(
-        new.key == before.key and new.values[: len(before.values)] == before.values
+        (new.key, new.target) == (before.key, before.target) and new.values[: len(before.values)] == before.values
         for new, before in zip(program, old, strict=True)
     )
 
 
-def to_tables(program: Program) -> dict[str, dict[str, list[float]]]:
-    return {f"cavity{i + 1}": {series.key: list(series.values)} for i, series in enumerate(program)}
+def to_tables(program: Program) -> dict[str, object]:
+    """The tables that `from_tables` takes back."""
+    written: dict[str, dict[str, object]] = {}
+    for name, series in named(program).items():
+        kind, _, own = name.partition(".")
+        table = written.setdefault(kind, {})
+        (table if not own else table.setdefault(own, {})).update({series.key: list(series.values)})  # type: ignore[attr-defined]
+    return dict(written)
+
+
+def named(program: Program) -> dict[str, Series]:
+    """The series by the names of what they are of: ``cavity1``, ``force.tip``."""
+    names = (f"cavity{i}" for i in itertools.count(1))
+    return {series.target or next(names): series for series in program}
 
 
 def step_text(program: Program, number: int) -> str:
-    """What the cavities have at a step: ``"cavity1 60 cm, cavity2 2 ml added"``."""
+    """What the cavities and loads have at a step: ``"cavity1 60 cm, cavity2 2 ml added"``."""
     row = number - 1 + int(begins_at_rest(program))
+    added = {key: " added" if key in KEYS and given.held else "" for key, given in EVERY_KEY.items()}
     return ", ".join(
-        f"cavity{i + 1} {series.values[row]:g} {series.unit}{' added' if series.is_volume else ''}"
-        for i, series in enumerate(program)
+        f"{name} {series.values[row]:g} {series.unit}{added[series.key]}" for name, series in named(program).items()
     )
 
 

@@ -60,7 +60,8 @@ def at_rest(solver: Solver) -> Stop:
     """The undeformed state under nothing."""
     system = solver.system
     state = system.rest()
-    return Stop(0, state, system.drives_at(state), system.driven())
+    driven = system.driven()
+    return Stop(0, state, np.zeros(len(driven)), driven)  # whatever the coupling of an earlier path keeps
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -117,7 +118,10 @@ class Stage:
 
 
 def hang(
-    solver: Solver, targets: Sequence[tuple[str, Array]], report: Callable[[str], None], control: str = "auto"
+    solver: Solver,
+    targets: Sequence[tuple[str, Array]],
+    report: Callable[[str], None] = lambda text: None,
+    control: str = "auto",
 ) -> Stop:
     """Apply magnitudes one after the other from the undeformed state on, such as the dead loads and then a pressure.
 

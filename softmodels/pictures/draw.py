@@ -115,7 +115,8 @@ def _curves(states: States, out: Folder) -> None:
     if states.case.program:
         out.save(actuator.gauge, program_curves.steps(states.rows, actuator.gauge))
     else:
-        out.save(actuator.gauge, path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch))
+        over = path_curves.over_of(states.case)
+        out.save(actuator.gauge, path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over))
     if states.case.gauges.plane:
         out.save("profile", _cut_profile(states))
         return

@@ -19,7 +19,7 @@ from softmodels.pictures.colour_scale import Scale
 from softmodels.pictures.offscreen import Image, studio
 from softmodels.pictures.style import load, number
 from softmodels.pictures.viewpoint import Look
-from softmodels.results.columns import cavity_columns
+from softmodels.results.columns import cavity_columns, load_columns, loads_words
 from softmodels.results.row import Row
 from softmodels.results.stored import States
 from softmodels.results.writing import replace
@@ -62,9 +62,10 @@ def _caption(states: States, position: float) -> str:
     steps = range(len(states.rows))
     row = Row(
         (name, float(np.interp(position, steps, [row[name] for row in states.rows])))
-        for name in [*names, *cavity_columns(first, "pressure", "cm")]
+        for name in [*names, *cavity_columns(first, "pressure", "cm"), *load_columns(first)]
     )
-    pressure = load(row) if "load_step" in row else f"{number(row['pressure_cm'])} cm of water"
+    words = "".join(f", {one}" for one in loads_words(row))
+    pressure = load(row) if "load_step" in row else f"{number(row['pressure_cm'])} cm of water{words}"
     return f"{pressure}   {gauge} rise {row[f'{gauge}_mm']:+.2f} mm"
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from softmodels.pictures.colour_scale import Scale
 from softmodels.pictures.offscreen import Layer, Style, surface
 from softmodels.pictures.style import load, number
+from softmodels.results.columns import loads_words
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array
@@ -84,7 +85,8 @@ def hot_title(limit: float) -> str:
 def peak_text(states: States, step: int) -> str:
     """Value and place of the largest stretch of a state, from ``path.csv``."""
     row = states.rows[step]
-    pressure = f"at {load(row)}" if "load_step" in row else f"at {number(row['pressure_cm'])} cm"
+    words = "".join(f", {one}" for one in loads_words(row))
+    pressure = f"at {load(row)}" if "load_step" in row else f"at {number(row['pressure_cm'])} cm{words}"
     if "max_stretch" not in row:
         return f"largest stretch at a node {states.field(step, 'largest_stretch').max():.4g} {pressure}"
     text = f"largest stretch {row['max_stretch']:.4g} {pressure}"

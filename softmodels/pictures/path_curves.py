@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -13,15 +14,29 @@ from softmodels.pictures.style import BRANCH, CURVE, DPI, WARNING, WIDTH, Array
 from softmodels.results.columns import term
 from softmodels.results.row import Row
 from softmodels.results.stability_report import jumped_over
+from softmodels.results.terms import split
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from softmodels.case.case import Case
+
 FORCES = ("contact_force_N", "blocked_force_N")
 """Columns that get a curve of their own where a device presses on something."""
+PRESSURE = ("pressure_cm", "pressure in cm of water")
+"""What curves are drawn over unless a case asks for something else: the column, and its words."""
 
 
-def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence[Row] = ()) -> Figure:
+def over_of(case: Case) -> tuple[str, str]:
+    """What a case's curves are drawn over: the column, and its words; the pressure unless a dead load is asked for."""
+    if case.driven is None:
+        return PRESSURE
+    return case.column, str(term(case.column))
+
+
+def rise(
+    rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence[Row] = (), over: tuple[str, str] = PRESSURE
+) -> Figure:
     """Rise of the device's gauge, such as the disk's apex, over the pressure.
 
     Args:
@@ -29,19 +44,22 @@ def rise(rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence
         gauge: The device's `Actuator.gauge`.
         pascal_per_cm: Pa in one cm of the column.
         branch: Rows of the branch that was followed, if one was.
+        over: What it is drawn over; see `over_of`.
     """
     figure = Figure((WIDTH, 6.4), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     column = f"{gauge}_mm"
-    _path(axes, rows, column, branch)
+    _path(axes, rows, column, branch, over[0])
     for name, colour, marker, events in _events(rows):
         for row in events:
-            pressure = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
-            label = f"{name}: {pressure}, {row[column]:.4g} mm"
-            axes.plot(row["pressure_cm"], row[column], marker, color=colour, markersize=9, label=label)
-    axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
+            at = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
+            at = at if over == PRESSURE else f"{row[over[0]]:.4g} {split(over[0])[1]}"
+            label = f"{name}: {at}, {row[column]:.4g} mm"
+            axes.plot(row[over[0]], row[column], marker, color=colour, markersize=9, label=label)
+    axes.set(xlabel=over[1], ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.04)
-    kilopascals(axes, pascal_per_cm)
+    if over == PRESSURE:
+        kilopascals(axes, pascal_per_cm)
     axes.legend(loc="best")
     return figure
 
@@ -59,27 +77,36 @@ def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
     axes.secondary_xaxis("top", functions=(in_kPa, in_cm)).set_xlabel("pressure in kPa", labelpad=8)
 
 
-def curves(rows: Sequence[Row], gauge: str, branch: Sequence[Row] = (), supply: str = "supply") -> list[Figure]:
+def curves(
+    rows: Sequence[Row],
+    gauge: str,
+    branch: Sequence[Row] = (),
+    supply: str = "supply",
+    over: tuple[str, str] = PRESSURE,
+) -> list[Figure]:
     """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
 
-    With a supply also the pressure over its stroke, first; ``supply`` is its word, the other arguments are as of `rise`. One
-    figure each, so that a narrow page puts them below each other.
+    Of weights and forces also what they move. With a supply also the pressure over its stroke, first; ``supply`` is its word,
+    the other arguments are as of `rise`. One figure each, so that a narrow page puts them below each other.
     """
-    pressure = ("pressure_cm", "pressure in cm of water")
     wanted = [
-        (pressure, (f"{gauge}_mm", f"rise of the {gauge} in mm")),
-        (pressure, ("added_volume_ml", "added volume in ml")),
+        (over, (f"{gauge}_mm", f"rise of the {gauge} in mm")),
+        (over, ("added_volume_ml", "added volume in ml")),
     ]
-    wanted += [(pressure, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
+    if over != PRESSURE and not any(row["added_volume_ml"] for row in rows):  # no cavity
+        wanted.pop()
+    wanted += [(over, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
+    loads = [name for name in rows[0] if re.fullmatch(r"(moved|turned)(_\w+)?_(mm|deg)|sag_mm", name)]
+    wanted += [(over, (name, str(term(name)))) for name in loads]
     if "stroke_ml" in rows[0]:
-        wanted.insert(0, (("stroke_ml", f"stroke of the {supply} in ml"), pressure))
+        wanted.insert(0, (("stroke_ml", f"stroke of the {supply} in ml"), PRESSURE))
     figures = []
-    for (over, below), (column, label) in wanted:
+    for (place, below), (column, label) in wanted:
         figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")
         axes = figure.subplots()
-        _path(axes, rows, column, branch, over)
+        _path(axes, rows, column, branch, place)
         for name, colour, marker, events in _events(rows):
-            places = [[row[key] for row in events] for key in (over, column)]
+            places = [[row[key] for row in events] for key in (place, column)]
             axes.plot(*places, marker, color=colour, markersize=8, label=name)
         axes.set(xlabel=below, ylabel=label)
         axes.legend(loc="best")

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from softmodels.pictures.path_curves import limits
 from softmodels.pictures.style import CURVE, DPI, LINES, WARNING, WIDTH
-from softmodels.results.columns import cavity_columns
+from softmodels.results.columns import cavity_columns, load_columns, term
 from softmodels.results.row import Row
 
 
@@ -23,13 +23,14 @@ def steps(rows: Sequence[Row], gauge: str) -> Figure:
     """
     pressures = cavity_columns(rows[0], "pressure", "cm")
     volumes = cavity_columns(rows[0], "added_volume", "ml")
-    panels = (
+    panels = [
         ([f"{gauge}_mm"], f"{gauge} rise in mm"),
         (pressures, "pressure in\ncm of water"),
         (volumes, "added volume\nin ml"),
-    )
-    figure = Figure((WIDTH, 7.6), dpi=DPI, layout="constrained")
-    places = figure.subplots(3, 1, sharex=True, height_ratios=(1.4, 1.0, 1.0))
+        *(([name], str(term(name))) for name in load_columns(rows[0])),
+    ]
+    figure = Figure((WIDTH, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
+    places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
     come = np.array([row["load_step"] for row in rows])
     asked = np.array([bool(row["requested"]) for row in rows])
     for axes, (columns, label) in zip(places, panels, strict=True):

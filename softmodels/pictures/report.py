@@ -110,7 +110,8 @@ def _curves(states: States) -> list[Markup]:
         rows, gauge = states.rows, states.actuator.gauge
         if states.case.program:
             return [_svg(program_curves.steps(rows, gauge))]
-        return [_svg(figure) for figure in path_curves.curves(rows, gauge, states.branch, states.case.load.driver)]
+        driver, over = states.case.load.driver, path_curves.over_of(states.case)
+        return [_svg(figure) for figure in path_curves.curves(rows, gauge, states.branch, driver, over)]
 
 
 def _svg(figure: Figure) -> Markup:

@@ -10,6 +10,7 @@ from geometries import table as geometry_table
 from geometries.fields import about
 from measurement.units import readable
 from softmodels.case import material_table
+from softmodels.path.schedule import named
 from softmodels.results.stored import States
 
 Table = tuple[str, list[tuple[str, str, str]]]
@@ -45,8 +46,8 @@ def _load(states: States) -> Table:
     asked = [(case.load.requested.words, case.values, case.unit)]
     if case.program:
         asked = [
-            (f"cavity{i}", series.values, f"{series.unit}{' added' if series.is_volume else ''}")
-            for i, series in enumerate(case.program, 1)
+            (name, series.values, f"{series.unit}{' added' if series.key == 'volume_ml' else ''}")
+            for name, series in named(case.program).items()
         ]
     rows = [
         *(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.results.columns import cavity_columns
+from softmodels.results.columns import cavity_columns, loads_words
 from softmodels.results.row import Row
 
 Array = npt.NDArray[np.float64]
@@ -44,11 +44,12 @@ def number(value: float) -> str:
 
 def load(row: Row) -> str:
     """What a state is under, in words and units: its pressure, or where it is in a program and every cavity's pressure."""
+    more = "".join(f", {words}" for words in loads_words(row))
     if "load_step" not in row:
-        return f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa)"
+        return f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa){more}"
     step = f"step {row['load_step']:.3g}"
     each = cavity_columns(row, "pressure", "cm")
-    return f"{step}: {' and '.join(number(row[name]) for name in each)} cm of water"
+    return f"{step}: {' and '.join(number(row[name]) for name in each)} cm of water{more}"
 
 
 def headline(row: Row, gauge: str) -> str:

@@ -56,6 +56,20 @@ def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
     return [name for name in row if re.fullmatch(rf"{what}_\d+_{unit}", name)] or [f"{what}_{unit}"]
 
 
+def loads_words(row: Row) -> list[str]:
+    """The weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
+    found = []
+    for name in load_columns(row):
+        words, unit = split(name)
+        found.append(f"{words.replace('_', ' ')} {row[name]:.4g} {unit}")
+    return found
+
+
+def load_columns(row: Row) -> list[str]:
+    """The columns with weights, forces and moments."""
+    return [name for name in row if re.fullmatch(r"weight_N|force(_\w+)?_N|moment(_\w+)?_Nmm", name)]
+
+
 def _height(solved: Solved) -> float:
     """Of the water column in cm."""
     height = solved.pressure / solved.case.cm

@@ -24,13 +24,14 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import on_root
-from softmodels.mechanics.parts import Part
+from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
     from softmodels.results.fields import Fields
@@ -124,7 +125,7 @@ def _search(solver: Solver, fields: Fields) -> Limit:
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
 
-    path = Continuation(solver)
+    path = Continuation(solver, start=_hanging(solver))
     kind, why, last = "none", "", None
     try:
         for point in trace(path, [STIFFNESS_RANGE]):
@@ -143,6 +144,27 @@ def _search(solver: Solver, fields: Fields) -> Limit:
         kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
         figures.max_stretch_at, why,
     )  # fmt: skip
+
+
+def _hanging(solver: Solver) -> State | None:
+    """The state in which a device hangs under its dead loads, all of which are kept; None without any.
+
+    Raises:
+        PartError: There is none.
+    """
+    from softmodels.path.stages import HangingEnd, hang, inflate_from
+
+    system = solver.system
+    if not system.dead.loads:
+        return None
+    cavities = np.zeros(len(system.body.actuator.ratios))
+    try:
+        hung = hang(solver, [("its dead loads", np.concatenate([cavities, system.dead.amounts / system.dead.units]))])
+    except HangingEnd as end:
+        raise PartError(
+            f"the device does not bear {end.what} ({end}): they could be applied to {end.share:.3g} of themselves"
+        ) from end
+    return inflate_from(solver, hung)
 
 
 def _stretched(path: Continuation, fields: Fields, before: Point, after: Point) -> Point:

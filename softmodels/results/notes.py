@@ -10,6 +10,7 @@ from softmodels.case.gauges import followed_text
 from softmodels.materials.silicones import SILICONES, named, stretch_at_break
 from softmodels.materials.spread import material_spread
 from softmodels.materials.stability import instabilities
+from softmodels.mechanics.loads import Gravity
 from softmodels.mechanics.walls.part import Walls
 from softmodels.results.row import Row
 
@@ -163,6 +164,6 @@ def left_out(case: Case) -> str:
     )
     for part in case.parts:
         stopped += part.in_model
-    return (
-        f"the silicone is elastic; weight and viscosity are not in the model, and walls that meet pass through{stopped}"
-    )
+    heavy = any(isinstance(part, Gravity) for part in case.parts)
+    weight = "viscosity is" if heavy else "weight and viscosity are"
+    return f"the silicone is elastic; {weight} not in the model, and walls that meet pass through{stopped}"

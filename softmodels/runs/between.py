@@ -74,16 +74,16 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
     from softmodels.path.continuation import Continuation
 
     fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
-    stored, system = _Stored(source), simulation.solver.system
+    stored = _Stored(source)
     passed = [step for step, row in enumerate(source.rows[: ends[0]]) if row["bifurcation"]]
     *points, after = (
         stored_point(stored, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
     )
-    path = Continuation(simulation.solver, simulation.quantity(quantity))
+    path = Continuation(simulation.solver, simulation.quantity(quantity), start=simulation.beginning.state())
     try:
         path.resume([*points[:-1], dataclasses.replace(points[-1], factorised=True)])
         tangent = path.corrector.tangent(after.state)
-        value = wanted / (system.stress_unit if quantity == "pressure" else system.volume_unit)
+        value = wanted / simulation.beginning.unit_of(quantity)
         found = path.between(path.last, dataclasses.replace(after, tangent=tangent), value)
     except NoConvergence as failure:
         raise RunError(f"the state between steps {ends[0]} and {ends[1]} was not found ({failure})") from failure
@@ -106,6 +106,13 @@ class _Stored:
 
 def _to_one(case: Case, quantity: str, wanted: float) -> Case:
     """A case that ends at one value."""
+    if case.driven is not None:
+        return dataclasses.replace(
+            case,
+            driven=dataclasses.replace(case.driven, values=(wanted / case.load.scale,)),
+            cycle=False,
+            control="auto",
+        )
     field, scale = {"pressure": ("pressures_cm", 1 / case.cm), "volume": ("volumes_ml", 1e6),
                     "stroke": ("strokes_ml", 1e6)}[quantity]  # fmt: skip
     asked: dict[str, tuple[float, ...]] = {field: (wanted * scale,)}

@@ -12,6 +12,7 @@ from softmodels.path.schedule import step_text
 from softmodels.results.columns import cavity_columns
 from softmodels.results.lost_path import advice
 from softmodels.results.row import Row
+from softmodels.results.terms import split
 
 if TYPE_CHECKING:
     from softmodels.path.continuation import Continuation
@@ -31,6 +32,15 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
             + advice(case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc)
         )
     at = fields.figures(end.limit.state)
+    if case.driven is not None:
+        load = case.driven.of(case.parts)
+        most = at.device[load.column]
+        return (
+            f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most:.5g} "
+            f"{split(load.column)[1]}, where {_risen(device, at.rises)}; beyond it the device gives way. Stay below, take "
+            f"{device.stiffer} or a stiffer silicone, or ask for how far it moves (--travel-mm, --turn-deg), which passes the "
+            "limit"
+        )
     if case.supply is not None:
         stroke = path.value(end.limit.state) * fields.system.volume_unit * 1e6
         supply = case.supply

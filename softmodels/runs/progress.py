@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from measurement.wording import spoken
+from softmodels.results.columns import loads_words
 from softmodels.results.row import Row
 
 if TYPE_CHECKING:
@@ -66,8 +67,10 @@ class Progress:
 
     def step(self, row: Row, value: float) -> None:
         """One step done: its row of the table, and how far it is towards the last requested value."""
+        loads = "".join(f"{words}  " for words in loads_words(row))
         text = (
-            f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  {self.gauge} rise {row[f'{self.gauge}_mm']:+8.3f} mm  "
+            f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  {loads}"
+            f"{self.gauge} rise {row[f'{self.gauge}_mm']:+8.3f} mm  "
             f"{row['added_volume_ml']:+8.3f} ml  {row['newton_iterations']:2d} iterations"
         )
         if self._bar is not None:

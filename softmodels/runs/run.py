@@ -171,7 +171,7 @@ class Run:
             RunError: The path does not go there.
         """
         quantity, wanted = self._asked(value)
-        column, unit = COLUMNS[quantity]
+        column, unit = COLUMNS.get(quantity, (self.case.column, self.case.load.scale))
         there = self._column(column, unit)
         near = np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max(initial=abs(wanted))).tolist()
         if near:
@@ -190,11 +190,17 @@ class Run:
             return own, float(value)
         if own == "step":
             raise CaseError("a program's states are asked for by the number of the step, such as run.at(2)")
+        if own not in COLUMNS:
+            raise CaseError(
+                f"the states of a run to {self.case.load.requested.words} are asked for by a number in SI units"
+            )
         quantity, wanted = one_value(value, self.case.cm)
         return ("stroke" if quantity == "volume" and own == "stroke" else quantity), wanted
 
     def _not_there(self, value: str | float, quantity: str, there: Array) -> str:
         units = {"pressure": (self.case.cm, "cm"), "step": (1.0, "")}
+        if quantity not in COLUMNS:
+            units[quantity] = (self.case.load.scale, self.case.unit)
         scale, unit = units.get(quantity, (1e-6, "ml"))
         low, high = (f"{end / scale:.4g} {unit}".strip() for end in (there.min(), there.max()))
         why = f"; {self.limit.why}" if self.limit is not None else ""
@@ -214,7 +220,7 @@ class Run:
             figure = (
                 program_curves.steps(self.rows, gauge)
                 if self.case.program
-                else path_curves.rise(self.rows, gauge, self.case.cm)
+                else path_curves.rise(self.rows, gauge, self.case.cm, (), path_curves.over_of(self.case))
             )
 
         def png() -> bytes:

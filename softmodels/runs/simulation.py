@@ -22,6 +22,7 @@ from softmodels.results.column import Solved
 from softmodels.results.columns import row_of
 from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.results.restart import restart_of
+from softmodels.runs.beginning import Beginning
 from softmodels.runs.explanation import explain, explain_failure, explain_step
 from softmodels.runs.step import FROM_REST, Begun, Listener, PathEnded, Silent, Step
 
@@ -56,11 +57,13 @@ class Simulation:
 
     Attributes:
         body, solver, fields: The device, once it is prepared.
+        beginning: Where its path begins, likewise.
     """
 
     body: Body
     solver: Solver
     fields: Fields
+    beginning: Beginning
 
     def __init__(
         self, case: Case, comm: MPI.Comm, listener: Listener | None = None, stopped: Callable[[], bool] = bool
@@ -108,6 +111,7 @@ class Simulation:
                 self.solver = Solver(system)
                 self.fields = Fields(self.solver, case.gauges)
                 self._band = self._make_band()
+            self.beginning = Beginning(case, self.solver, say)
         except (BodyError, CompilingError, PartError) as error:
             raise RunError(str(error)) from error
 
@@ -159,6 +163,7 @@ class Simulation:
         last = begun.rows[-1] if begun.rows else None
         goals = self._goals()
         self._path = path = self._continuation(goals[-1])
+        path.start = self.beginning.state()
         if begun.rows and not case.cycle:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
         try:
@@ -177,8 +182,7 @@ class Simulation:
 
     def _goals(self) -> list[float]:
         """The requested values, dimensionless."""
-        eq = self.solver.system
-        scale = eq.stress_unit if self.case.pressures_cm else eq.volume_unit
+        scale = self.beginning.unit_of(self.case.quantity)
         return [goal / scale for goal in self.case.goals]
 
     def quantity(self, name: str) -> Quantity:
@@ -207,7 +211,8 @@ class Simulation:
         case, rows = self.case, list(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
-            for come, point in follow(self.solver, case.program, case.cm, case.control, self.listener.say, begun.stop):
+            hung, say = self.beginning.hung(), self.listener.say
+            for come, point in follow(self.solver, case.program, case.cm, case.control, say, begun.stop, hung):
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)
                 yield step
@@ -234,8 +239,8 @@ class Simulation:
 
         assert self._path is not None
         start = self._bifurcations[0]
-        pressure = start.state.P * self.solver.system.stress_unit / self.case.cm
-        self.listener.say(f"following the branch from {pressure:.4g} cm")
+        value = self._path.value(start.state) * self.beginning.unit_of(self.case.quantity) / self.case.load.scale
+        self.listener.say(f"following the branch from {value:.4g} {self.case.unit}")
         try:
             for number, point in enumerate(follow(self._path, start, farthest=max(self._goals()))):
                 yield self.step_of(point, number)

@@ -77,7 +77,10 @@ def test_a_run_explains_its_end_to_each_reader(tmp_path):
 
 REFUSED = {
     'use control="auto" or "volume"': {"volumes": "0:10 ml", "control": "pressure"},
-    "cycle=True raises and lowers a pressure; give pressures with it": {"volumes": "0:10 ml", "cycle": True},
+    "give pressures or driven=LoadRequest(...) with it": {
+        "volumes": "0:10 ml",
+        "cycle": True,
+    },
     "a syringe (supply=Syringe(...)) and its strokes (strokes) belong together": {"strokes": "0:10 ml"},
     "take a larger one (syringe)": {"strokes": "0:30 ml", "supply": sm.Syringe()},
     'use formulation="mixed", or poisson=0.49': {"pressures": "0:9 cm", "formulation": "displacement"},

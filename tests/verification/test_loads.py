@@ -13,8 +13,10 @@ from scipy.optimize import brentq, minimize_scalar
 from geometries import Actuator, Hold, HollowDisk
 from geometries.fields import length_field, number_field
 from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.loads import Force, Gravity, Mass
 from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
@@ -246,7 +248,7 @@ DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
 
 def test_a_weight_on_a_disk(body_of, figure):
     """Loads and pressure in any order; with the loads kept, a path of the pressure starts where the disk hangs."""
-    parts = (Gravity(direction="-z"), Mass(face="top", mass=0.05, name="plate"))
+    parts = (Gravity(direction="-z"), Mass(face="top", amount=0.05, name="plate"))
     solver = solver_of(body_of, DISK, NeoHookean(30e3, 0.49), *parts)
     system = solver.system
     amount = float(system.dead.amounts[0])
@@ -262,6 +264,27 @@ def test_a_weight_on_a_disk(body_of, figure):
     wanted = system.driven()
     figure(
         "weight first, then pressure", "volume and sag", np.array([other.driven, together.driven]) / wanted - 1, 1e-8
+    )
+
+
+def test_derivatives_with_a_weight(body_of, figure):
+    """A weight keeps its newtons as the silicone changes: the volume's derivative at a pressure, against solved states."""
+    solver = solver_of(body_of, DISK, NeoHookean(30e3, 0.49), Gravity(direction="-z"), Mass(face="top", amount=0.1))
+    system, volumes = solver.system, []
+    for mu in (30e3, 30.03e3, 29.97e3):
+        system.set_material(NeoHookean(mu, 0.49))
+        weight = magnitudes(solver, gravity=float(system.dead.amounts[0]))
+        hung = hang(solver, [("its weight", weight)], lambda text: None)
+        *_, last = trace(Continuation(solver, start=inflate_from(solver, hung)), [3e3 / mu])
+        volumes.append(last.state.V * system.volume_unit)
+        if mu == 30e3:
+            _, rates = Sensitivity(solver).rates(last.state, pressure_control(last.state.P), ["shear_modulus"])
+    slope = (volumes[1] - volumes[2]) / 60.0
+    figure(
+        "differences of solved states",
+        "derivative of a loaded disk's volume",
+        rates["shear_modulus"].V / slope - 1,
+        3e-5,
     )
 
 
@@ -287,7 +310,7 @@ PULL_TOP = Force(face="top", direction="z", name="top")
             lambda: Force(face="top", direction="y", name="up").check_on(HollowDisk()),
             r"\[force.up\]: its direction leaves",
         ),
-        (lambda: Mass(face="top", mass=0.0, name="m"), "mass is 0; it must be above zero"),
+        (lambda: Mass(face="top", amount=0.0, name="m"), "amount is 0; it must be above zero"),
     ],
 )
 def test_loads_that_cannot_be_meant(make, message):

@@ -16,6 +16,7 @@ from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.problem import FitError
 from softmodels.materials.material import Material
 from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.sheet import Sheet
@@ -52,6 +53,10 @@ class MeasuredDevice:
         if isinstance(device, MeasuredDevice):
             return dataclasses.replace(device, actuator=as_section(device.actuator))
         if isinstance(device, Case):
+            if loads := [part for part in device.parts if isinstance(part, LoadPart)]:
+                raise FitError(
+                    f"the case has a {loads[0].where}, and a fit begins every device from its undeformed state; leave it out"
+                )
             case, section = device, as_section(device.actuator)
             around = (case.sheet, case.obstacle, case.parts)
             return cls(section, case.name, case.material, case.formulation, *around)

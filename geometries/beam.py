@@ -1,0 +1,164 @@
+"""A beam of solid silicone with no cavity: clamped at one end, bent by its weight or by forces on its tip."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.errors import GeometryError
+from geometries.fields import choice_field, length_field
+from geometries.mirroring import Mirror
+from geometries.registry import register
+
+NEAR = 1e-9
+"""What counts as the same place, in lengths of the beam."""
+GMSH_BOX = 1e-6
+"""By how much Gmsh's boxes may be wider, in m."""
+
+
+@register
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Beam(Actuator):
+    """A beam of rectangular section with no cavity, along x, clamped at x = 0; z is up.
+
+    Physical groups: volume "solid"; surfaces "support" (the clamped end), "tip" (the other end), "top", "bottom", "side", and
+    the cut planes "plane0" (y = 0) and "plane1" (z = 0); curve "edge", the lower edge of the clamped end. A quarter takes
+    loads along x alone, a half those along x and z.
+    """
+
+    length: float = length_field(0.060, "length, along x")
+    width: float = length_field(0.010, "width, along y")
+    thickness: float = length_field(0.005, "thickness, along z")
+    clamp: str = choice_field(
+        "held", ("held", "slip"), "clamped end held, or held along x alone, and by its lower edge, so that it may thin"
+    )
+    part: str = choice_field(
+        "half",
+        ("quarter", "half", "full"),
+        "half up to the mirror plane y = 0, a quarter also up to z = 0, or all of it",
+    )
+    cell_size: float = length_field(0.0025, "longest edge of the cells along the axes", shape=False)
+
+    stem: ClassVar = "beam"
+    faces: ClassVar = ("tip", "top", "bottom", "side")
+    stiffer: ClassVar = "a thicker or shorter beam (--thickness, --length)"
+    ratios: ClassVar[tuple[float, ...]] = ()  # type: ignore[assignment]
+    cavity_volume: ClassVar[float] = 0.0  # type: ignore[assignment]
+    examples: ClassVar = ("--gravity -z --weight-share 0:1", "--force tip --force-direction -z --force-N 0:0.05")
+
+    def check(self) -> None:
+        if self.clamp == "slip" and self.part == "full":
+            raise GeometryError(
+                "clamp = slip leaves a whole beam free to slide sideways; take part = half, or clamp = held"
+            )
+        if self.cell_size > min(self.width, self.thickness, self.length):
+            raise GeometryError("cell_size must not pass the length, width or thickness")
+
+    @property
+    def mesh_order(self) -> int:
+        return 2
+
+    @property
+    def _cells(self) -> tuple[int, int, int]:
+        """Along x, y and z, of what is built."""
+        return tuple(math.ceil(edge / self.cell_size - NEAR) for edge in self._edges)  # type: ignore[return-value]
+
+    @property
+    def _edges(self) -> tuple[float, float, float]:
+        """Lengths in m of what is built: a half, or a quarter."""
+        return self.length, self.width / 2, self.thickness / (2 if self.part == "quarter" else 1)
+
+    @property
+    def expected_cells(self) -> float:
+        return 6.0 * math.prod(self._cells) * (2 if self.part == "full" else 1)
+
+    @property
+    def copies(self) -> int:
+        return {"quarter": 4, "half": 2, "full": 1}[self.part]
+
+    @property
+    def fuller(self) -> str:
+        return "--part full"
+
+    @property
+    def size(self) -> float:
+        return self.thickness
+
+    @property
+    def cut_planes(self) -> tuple[CutPlane, ...]:
+        planes = (CutPlane("plane0", (0.0, -1.0, 0.0)), CutPlane("plane1", (0.0, 0.0, -1.0)))
+        return planes[: {"quarter": 2, "half": 1, "full": 0}[self.part]]
+
+    @property
+    def mirrors(self) -> tuple[Mirror, ...]:
+        return (Mirror("plane0", 1, {}),) if self.part == "full" else ()
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        if self.clamp == "held":
+            return (Hold("support", None),)
+        lower = (Hold("edge", (0.0, 0.0, 1.0)),) if self.part == "half" else ()
+        return (Hold("support", (1.0, 0.0, 0.0)), *lower)
+
+    @property
+    def probes(self) -> dict[str, Vector]:
+        half = 0.5 * self.thickness
+        below = {} if self.part == "quarter" else {"tip_below": (self.length, 0.0, -half)}
+        return {"tip": (self.length, 0.0, half), **below}
+
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "tip_x_mm": (
+            "tip place x",
+            "x of the middle of the tip's edge in the plane y = 0, deformed, from the clamped end",
+        ),
+        "tip_z_mm": ("tip place z", "z of the middle of the tip's edge in the plane y = 0, deformed, from the axis"),
+    }
+
+    def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
+        """Where the middle of the tip's edge is; of a quarter z is that of the axis, 0."""
+        top = np.asarray(places["tip"])
+        below = np.asarray(places.get("tip_below", top * (1.0, 1.0, -1.0)))
+        x, _, z = 0.5 * (top + below)
+        return {"tip_x_mm": float(x) * 1e3, "tip_z_mm": float(z) * 1e3}
+
+    @property
+    def solid_volume(self) -> float:
+        return self.length * self.width * self.thickness
+
+    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which points lie on the top face's line in the plane y = 0, from the clamp to the tip."""
+        points = np.asarray(points, dtype=float)
+        near = NEAR * self.length
+        return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)
+
+    def build(self) -> None:
+        import gmsh  # type: ignore[import-untyped]
+
+        model, mesh, edges = gmsh.model, gmsh.model.mesh, self._edges
+        low = (0.0, 0.0, 0.0 if self.part == "quarter" else -0.5 * self.thickness)
+        solid = model.occ.addBox(*low, *edges)
+        model.occ.synchronize()
+        for _, curve in model.getEntities(1):
+            box = np.reshape(model.getBoundingBox(1, curve), (2, 3))
+            along = int(np.argmax(box[1] - box[0]))
+            mesh.setTransfiniteCurve(curve, self._cells[along] + 1)
+            if along == 1 and np.abs(box.mean(axis=0)[[0, 2]] - (low[0], low[2])).max() < NEAR * self.length + GMSH_BOX:
+                model.addPhysicalGroup(1, [curve], name="edge")
+        for _, face in model.getEntities(2):
+            mesh.setTransfiniteSurface(face)
+        mesh.setTransfiniteVolume(solid)
+        model.addPhysicalGroup(3, [solid], name="solid")
+        half = "plane1" if self.part == "quarter" else "bottom"
+        names = {0: ("support", "tip"), 1: ("plane0", "side"), 2: (half, "top")}
+        for _, face in model.getEntities(2):
+            box = np.reshape(model.getBoundingBox(2, face), (2, 3))
+            axis = int(np.argmin(box[1] - box[0]))
+            model.addPhysicalGroup(
+                2, [face], name=names[axis][int(box.mean(axis=0)[axis] > low[axis] + edges[axis] / 2)]
+            )

@@ -1,0 +1,191 @@
+"""Weights and forces from the command line and from case files: runs, tables, words, and what cannot be meant."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import softmodels as sm
+from geometries import Beam, GeometryError, HollowDisk
+from softmodels.case.case import Case, CaseError
+from softmodels.case.load_request import LoadRequest
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.loads import Force, Gravity, Mass
+from softmodels.path.schedule import Series
+
+DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
+LAW = NeoHookean(30e3, 0.49)
+OPTIONS = ("--cell-size", "3mm", "--shear-modulus", "30kPa", "--gravity=-z", "--mass", "top", "--mass-amount", "50g",
+           "--force", "top", "--force-direction=-z", "--at-pressure-cm", "40", "--quiet")  # fmt: skip
+WEIGHT = 9.81 * (0.05 + 1070 * DISK.solid_volume)
+
+
+@pytest.fixture(scope="module")
+def pushed(runs, tmp_path_factory):
+    """An inflated disk with a weight on it, pushed in by a force."""
+    folder = tmp_path_factory.mktemp("pushed") / "disk"
+    done = runs.disk(folder, *OPTIONS, "--force-N", "0:1:0.5")
+    assert done.status == 0, done.err
+    return folder
+
+
+def test_a_force_on_an_inflated_disk(pushed, runs):
+    rows = runs.rows(pushed)
+    assert [row["force_N"] for row in rows if row["requested"]] == pytest.approx([0.0, 0.5, 1.0])
+    assert {round(row["pressure_cm"], 9) for row in rows} == {40.0}
+    assert [row["weight_N"] for row in rows] == pytest.approx([WEIGHT] * len(rows), rel=1e-4)
+    travel = np.array([row["travel_mm"] for row in rows])
+    assert travel[0] == 0.0 and (np.diff(travel) > 0).all() and rows[0]["moved_mm"] > 0.05
+    # Of all that acts the work is what is stored: pressure and weight are kept, the force by trapezia.
+    stored, volume, sag = (
+        np.array([row[name] for row in rows]) for name in ("stored_energy_mJ", "added_volume_ml", "sag_mm")
+    )
+    force = np.array([row["force_N"] for row in rows])
+    work = np.sum((force[1:] + force[:-1]) / 2 * np.diff(travel))
+    work += rows[0]["pressure_Pa"] * 1e-3 * (volume[-1] - volume[0]) + WEIGHT * (sag[-1] - sag[0])
+    assert work == pytest.approx(stored[-1] - stored[0], rel=3e-3)
+
+
+def test_it_goes_on_to_the_same(pushed, runs, tmp_path):
+    """A run that is gone on with hangs first, too, and comes to the states of one that was not ended."""
+    case = Case.from_file(pushed / "case.toml")
+    short = dataclasses.replace(case, driven=dataclasses.replace(case.driven, values=(0.0, 0.5)))
+    sm.run(short, folder=tmp_path / "short")
+    last, wanted = sm.run(case, folder=tmp_path / "short", resume=True).rows[-1], runs.rows(pushed)[-1]
+    for name in ("force_N", "travel_mm", "apex_mm", "stored_energy_mJ", "added_volume_ml"):
+        assert last[name] == pytest.approx(wanted[name], rel=1e-8), name
+    heavier = dataclasses.replace(case, parts=(*case.parts[:1], Mass(face="top", amount=0.06), *case.parts[2:]))
+    with pytest.raises(sm.RunError, match="holds a run with another parts"):
+        sm.run(heavier, folder=tmp_path / "short", resume=True)
+
+
+def test_the_case_is_repeated_exactly(pushed):
+    case = Case.from_file(pushed / "case.toml")
+    assert case.driven == LoadRequest("force_N", (0.0, 0.5, 1.0), at_pressure_cm=40.0)
+    assert case.parts == (
+        Gravity(direction="-z"), Mass(face="top", amount=0.05), Force(face="top", direction="-z"),
+    )  # fmt: skip
+    assert Case.from_toml(case.to_toml()) == case and case.column == "force_N" and case.quantity == "force"
+
+
+PARTS = (
+    Gravity(direction="-z"),
+    Mass(face="top", amount=0.05, name="plate"),
+    Force(face="top", direction="-z", name="push"),
+)
+
+
+@pytest.fixture(scope="module")
+def programmed():
+    """Weight first, then pressure and a force together, then a volume is let in."""
+    program = (
+        Series("pressure_cm", (0.0, 40.0, 40.0)),
+        Series("share", (1.0, 1.0, 0.5), "gravity"),
+        Series("force_N", (0.0, 0.5, 1.0), "force.push"),
+    )
+    return sm.inflate(DISK, LAW, program=program, parts=PARTS)
+
+
+def test_a_program_changes_every_kind_of_load(programmed, pushed, runs):
+    asked = [row for row in programmed.rows if row["requested"]]
+    assert [row["load_step"] for row in asked] == [1, 2, 3]
+    assert [row["weight_share"] for row in asked] == pytest.approx([1.0, 1.0, 0.5])
+    assert [row["force_push_N"] for row in asked] == pytest.approx([0.0, 0.5, 1.0], abs=1e-12)
+    other = next(row for row in runs.rows(pushed) if row["force_N"] == 0.5)
+    for name in ("apex_mm", "added_volume_ml", "stored_energy_mJ", "sag_mm"):  # the same loads in another order
+        assert asked[1][name] == pytest.approx(other[name], rel=1e-7), name
+    text = programmed.case.to_toml()
+    assert "[load.force.push]" in text and Case.from_toml(text) == programmed.case
+
+
+def test_a_travel_leads_to_the_force(pushed, runs):
+    """By how far the face moves, in place of the force; and a state between two of them."""
+    wanted = runs.rows(pushed)[-1]
+    request = LoadRequest("travel_mm", (wanted["travel_mm"],), at_pressure_cm=40.0)
+    run = sm.inflate(DISK, LAW, driven=request, parts=Case.from_file(pushed / "case.toml").parts)
+    assert run.rows[-1]["force_N"] == pytest.approx(1.0, rel=1e-7)
+    assert run.at(wanted["travel_mm"] * 1e-3).row["apex_mm"] == pytest.approx(wanted["apex_mm"], rel=1e-6)
+    half = next(row for row in runs.rows(pushed) if row["force_N"] == 0.5)
+    assert run.at(half["travel_mm"] * 1e-3).row["force_N"] == pytest.approx(0.5, rel=1e-6)
+
+
+def test_the_limit_of_a_loaded_disk():
+    """A weight bears the membrane down, so the disk takes more pressure: what the limit says is what the path finds."""
+    soft = NeoHookean(20e3, 0.495)
+    disk = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
+    parts = (Gravity(direction="-z"), Mass(face="top", amount=0.1))
+    plain, loaded = sm.limit(disk, soft), sm.limit(disk, soft, parts=parts)
+    assert plain.kind == loaded.kind == "limit" and loaded.pressure > 1.005 * plain.pressure
+    run = sm.inflate(disk, soft, pressures=(1.05 * loaded.pressure,), parts=parts)
+    assert run.limit.kind == "limit" and run.limit.pressure == pytest.approx(loaded.pressure, rel=1e-6)
+
+
+HEAD = '[geometry]\ndevice = "HollowDisk"\nsection = "axisymmetric"\n'
+FORCE = '[force.tip]\nface = "top"\ndirection = "-z"\n'
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ('[gravity]\ndensity = "1 g/ml"\n[load]\npressure_cm = 1\n', "gravity needs its direction"),
+        ('[gravity]\ndirection = "x"\n[load]\npressure_cm = 1\n', "takes loads along its axis"),
+        ('[mass.a]\nface = "top"\namount = "5 g"\n[load]\npressure_cm = 1\n', "hangs under gravity; say where"),
+        (FORCE + "[load]\nmoment_Nmm = 1\n", r"the device has no \[moment\]"),
+        (FORCE + "[load]\nforce_N = 1\ntravel_mm = 1\n", "request one of force_N and travel_mm"),
+        (FORCE + "[load]\nat_pressure_cm = 3\n", "at_pressure_cm belongs to requested forces"),
+        (FORCE + "[load]\nforce_N = 1\nat_pressure_cm = -3\n", "suction is not modelled"),
+        (FORCE + 'amount = "2 N"\n[load]\nforce_N = 1\n', "has an amount that is kept"),
+        (FORCE + FORCE.replace("tip", "end") + "[load]\nforce_N = 1\n", "which has tip, end; say which"),
+        (FORCE + "[load]\nforce_N = [2, 1]\n", "falls from 2 to 1"),
+        (FORCE + "[load]\nforce_N = 1\npressure_cm = 2\n", "one of these"),
+        (FORCE + "[load]\nforce.end.force_N = [1, 2]\n", "has a series for force.end and the case has no"),
+        (FORCE + "[load]\nforce.tip.newtons = [1, 2]\n", "force.tip needs one of force_N or travel_mm"),
+        (FORCE + "[load]\nforce.tip.force_N = [1]\ncavity1.volume_ml = [1]\n", "pressures and volumes at once"),
+        (FORCE + "[load]\nforce_N = 1\ncycle = true\ncontrol = 'volume'\n", "chooses by itself"),
+    ],
+)
+def test_loads_that_cannot_be_meant(tables, message):
+    with pytest.raises(CaseError, match=message):
+        Case.from_toml(HEAD + tables)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Case("beam", Beam(), LAW, pressures_cm=(1.0,)), "Beam has no cavity to put a pressure"),
+        (lambda: Case("beam", Beam(), LAW, parts=(Gravity(direction="y"),), driven=SHARE), "use part="),
+        (
+            lambda: Case("beam", Beam(), LAW, parts=(Gravity(direction="-z"),), driven=AT),
+            "no cavity to put a pressure in",
+        ),
+        (lambda: Beam(clamp="slip", part="full"), "slide sideways"),
+        (lambda: Beam(cell_size=0.02), "cell_size must not pass"),
+    ],
+)
+def test_beams_that_cannot_be_meant(make, message):
+    with pytest.raises((CaseError, GeometryError), match=message):
+        make()
+
+
+SHARE = LoadRequest("share", (1.0,))
+AT = LoadRequest("share", (1.0,), at_pressure_cm=1.0)
+
+
+def test_a_weight_that_is_not_borne():
+    """A silicone that softens gives way under a force kept: a sentence, and the status of a limit point."""
+    from softmodels.materials.laws import Yeoh
+
+    weight = Force(face="tip", direction="x", amount=3.0)
+    beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
+    case = Case(
+        "beam",
+        beam,
+        Yeoh(10e3, -1100.0, 60.0, 0.495),
+        parts=(weight, Gravity(direction="x")),
+        driven=LoadRequest("share", (1.0,)),
+    )
+    with pytest.raises(sm.RunError, match=r"does not bear its dead loads.*limit point at 0") as end:
+        sm.run(case)
+    assert end.value.status == 3
