@@ -30,6 +30,7 @@ class DesignedBody:
 
     Attributes:
         motion: Moves the mesh.
+        probes: The device's named points.
         rest_volume: UFL form of what `System.volume` is of the undeformed device.
     """
 
@@ -43,6 +44,7 @@ class DesignedBody:
         resting = fem.Function(system.space)
         self.rest_volume: ufl.Form = ufl.replace(system.potential.cavity_volume, {system.w: resting})
         self._rest_volume = system.form(self.rest_volume)
+        self.probes = Probes(self)  # now, while the mesh is as it was made
         self._vectors: tuple[PETSc.Vec, PETSc.Vec] | None = None
 
     @functools.cached_property
@@ -61,11 +63,6 @@ class DesignedBody:
         system = self.system
         values = self._gradients.eval(system.body.mesh, system.cells)  # type: ignore[attr-defined]
         return np.asarray(values).reshape(len(system.cells), -1, 3, 3)
-
-    @functools.cached_property
-    def probes(self) -> Probes:
-        """The device's named points."""
-        return Probes(self)
 
     def volume_at_rest(self) -> float:
         """Dimensionless volume that the pressure works on, of the undeformed device as the mesh shows it now."""

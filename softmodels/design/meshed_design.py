@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import dataclasses
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, MeshingError
+from geometries import Actuator, GeometryError, MeshingError
 from geometries.parameters import changed, parameter
 from softmodels.case.case import Case
 from softmodels.design.adjoint import Adjoint
 from softmodels.design.bifurcations import Bifurcations
 from softmodels.design.designed_body import DesignedBody
 from softmodels.design.evaluation import DesignFailure
+from softmodels.design.known_states import Known
 from softmodels.design.loads import PRESSURE, Load
 from softmodels.design.quantities.base import Quantity, Slopes, TargetMeasure
 from softmodels.design.quantities.geometric import DeviceQuantity
 from softmodels.design.quantities.limits import OfBifurcation, OfLimit
+from softmodels.design.question import Judged, Question
 from softmodels.design.squares import Squares
 from softmodels.design.states import WorkingStates
+from softmodels.design.transfer import Transfer
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.stability import Stability
@@ -36,58 +40,12 @@ Array = npt.NDArray[np.float64]
 
 POOREST = 0.3
 """Quality of a mesh below which the device is meshed again."""
-MOST_HALVINGS = 4
-"""Halvings of the way from one design to the next before the states are looked for along the whole path."""
+SHORTEST = 1 / 4
+"""Shortest step on the way from one design to the next before the states are looked for along the whole path."""
 
 
 class PoorMesh(RuntimeError):
     """A mesh that has been moved too far to be solved on."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Judged:
-    """A quantity of a design.
-
-    Attributes:
-        value: In its SI unit.
-        gradient: By the parameters, shape (n,); empty if none was asked for.
-        by_material: By the material's numbers.
-    """
-
-    value: float
-    gradient: Array
-    by_material: dict[str, float]
-    squares: Squares | None = None
-    """Of a target that is to be followed."""
-
-    def times(self, factor: float) -> Judged:
-        """The quantity times a number."""
-        by_material = {name: factor * rate for name, rate in self.by_material.items()}
-        return Judged(factor * self.value, factor * self.gradient, by_material)
-
-
-@dataclasses.dataclass(frozen=True)
-class Question:
-    """What is asked of a design.
-
-    Attributes:
-        names: The parameters that are free.
-        parts: The quantities, each of one state at most.
-        loads: Those of the states.
-        highest: Pressure in Pa up to which a limit point is looked for; 0 for none.
-        materials: Numbers of the material by which derivatives are wanted.
-    """
-
-    names: tuple[str, ...]
-    parts: tuple[Quantity, ...]
-    loads: tuple[Load, ...]
-    highest: float
-    materials: tuple[str, ...]
-
-    @property
-    def working(self) -> float:
-        """The highest pressure in Pa at which the device is judged; 0 for none."""
-        return max((load.value for load in self.loads if load.kind == PRESSURE), default=0.0)
 
 
 class MeshedDesign:
@@ -109,8 +67,18 @@ class MeshedDesign:
         self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
 
     @classmethod
-    def fresh(cls, case: Case, device: Actuator, question: Question, comm: MPI.Comm) -> MeshedDesign:
-        """A fresh mesh of a device, with its states found along the whole path.
+    def fresh(
+        cls, case: Case, device: Actuator, question: Question, comm: MPI.Comm, before: MeshedDesign | None = None
+    ) -> MeshedDesign:
+        """A fresh mesh of a device, with its states.
+
+        Args:
+            case: Silicone, sheet, obstacle and formulation.
+            device: The device.
+            question: What is asked of it.
+            comm: MPI communicator.
+            before: Another mesh that shows this device now, whose states are interpolated; without it, or where Newton's method
+                does not find them so, they are found along the whole path.
 
         Raises:
             DesignFailure: It cannot be meshed, or a load is not met.
@@ -132,44 +100,80 @@ class MeshedDesign:
             solver = Solver(System(body, case.material, case.formulation, case.sheet, case.obstacle, case.parts))
             made = cls(DesignedBody(solver), question)
         try:
-            made.states.trace()
+            if before is None or not made._taken_over(before):
+                made.states.trace()
         except BaseException:
             made.release()
             raise
         return made
 
+    def _taken_over(self, before: MeshedDesign) -> bool:
+        """Take the states of another mesh that shows the same device; whether they were found so."""
+        with Transfer(before.design, self.design) as transfer:
+            guess = before.states.known.transferred(transfer)
+        try:
+            self.states.carry(guess)
+        except (NoConvergence, DesignFailure):  # which may be the interpolation's fault
+            return False
+        return True
+
     def release(self) -> None:
         """Give back what PETSc and MPI hold."""
         self.design.release()
 
-    def follow(self, device: Actuator, depth: int = 0) -> None:
+    def follow(self, device: Actuator) -> None:
         """Move the mesh to a device and its states with it, in smaller steps where Newton's method does not follow.
+
+        From the second step on the states are expected on the straight line through the last two. Where that does not help
+        either, they are found along the whole path.
 
         Raises:
             GeometryError: The mesh cannot follow.
             PoorMesh: The cells would be too poor.
-            NoConvergence: A state was not found.
-            DesignFailure: Its limit point lies below one of the loads. Mesh and states are those of the last design then.
+            DesignFailure: A load is not met. After any of these, mesh and states are those of before.
         """
+        motion, states = self.design.motion, self.states
+        start, first = motion.device, states.known
+        self._move(device)
+        way, step, earlier = 0.0, 1.0, list[tuple[float, Known]]()
+        while way < 1.0:
+            goal = min(way + step, 1.0)
+            try:
+                motion.move(device if goal == 1.0 else _between(start, device, goal, self.question.names))
+                here = states.known
+                states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
+            except NoConvergence:
+                step /= 2
+                if step < SHORTEST:
+                    self._retrace(device, start, first)
+                    return
+                continue
+            except (DesignFailure, GeometryError):
+                self._restore(start, first)
+                raise
+            earlier, way = [(way, here)], goal
+
+    def _retrace(self, device: Actuator, start: Actuator, first: Known) -> None:
+        """Find the states of a device along the whole path, on the mesh as it is."""
+        self.design.motion.move(device)
+        try:
+            self.states.trace()
+        except DesignFailure:
+            self._restore(start, first)
+            raise
+
+    def _move(self, device: Actuator) -> None:
+        """Move the mesh, unless its cells would become poor: then it stays where it is."""
         motion = self.design.motion
         before = motion.device
         motion.move(device)
         if motion.quality() < POOREST:  # nor will smaller steps make better cells of the last one's
             motion.move(before)
             raise PoorMesh("the moved cells have become poor")
-        try:
-            self.states.carry()
-        except NoConvergence:
-            motion.move(before)
-            if depth >= MOST_HALVINGS:
-                raise
-            names = self.question.names
-            halfway = {name: 0.5 * (parameter(before, name) + parameter(device, name)) for name in names}
-            self.follow(changed(before, halfway), depth + 1)
-            self.follow(device, depth + 1)
-        except DesignFailure:
-            motion.move(before)
-            raise
+
+    def _restore(self, device: Actuator, known: Known) -> None:
+        self.design.motion.move(device)
+        self.states.known = known
 
     def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
         """Values and gradients of the question's parts by key, and sentences on how far they can be trusted.
@@ -256,3 +260,10 @@ class MeshedDesign:
         by_length, by_material = found or ({}, {})
         rates = np.array([by_length[name] for name in velocities])
         return Judged(P * self.design.system.stress_unit, rates, by_material)
+
+
+def _between(start: Actuator, end: Actuator, share: float, names: Sequence[str]) -> Actuator:
+    """The device on the straight line between two."""
+    return changed(
+        start, {name: (1.0 - share) * parameter(start, name) + share * parameter(end, name) for name in names}
+    )

@@ -13,12 +13,12 @@ from geometries import Actuator, GeometryError
 from geometries.parameters import changed, parameter
 from softmodels.case.case import Case
 from softmodels.design.evaluation import DesignFailure, Evaluation
-from softmodels.design.meshed_design import Judged, MeshedDesign, PoorMesh, Question
+from softmodels.design.meshed_design import MeshedDesign, PoorMesh
 from softmodels.design.quantities.base import Quantity
 from softmodels.design.quantities.composite import CompositeQuantity
 from softmodels.design.quantities.geometric import DeviceQuantity
 from softmodels.design.quantities.limits import OfLimit
-from softmodels.mechanics.newton import NoConvergence
+from softmodels.design.question import Judged, Question
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -135,16 +135,41 @@ class DesignModel:
     def _ready(self, device: Actuator) -> bool:
         """Bring mesh and states to a device; whether a fresh mesh was made."""
         if self.meshed is not None:
+            self.meshed.states.newton = 0
             try:
-                self.meshed.states.newton = 0
                 self.meshed.follow(device)
                 return False
-            except (GeometryError, PoorMesh, NoConvergence) as failure:
+            except PoorMesh as failure:
                 self.report(f"meshed again: {failure}")
+                if self._meshed_where_it_is(self.meshed) and self._followed(device):
+                    return True
+            except GeometryError as failure:
+                self.report(f"meshed again, and the whole path solved: {failure}")
         # A design that fails leaves the mesh of the one before, to which a search steps back.
         fresh = MeshedDesign.fresh(self.case, device, self.question, self.comm)
         self.release()
         self.meshed = fresh
+        return True
+
+    def _meshed_where_it_is(self, before: MeshedDesign) -> bool:
+        """Mesh the last design again and take its states over; whether there is a mesh."""
+        try:
+            fresh = MeshedDesign.fresh(self.case, before.design.motion.device, self.question, self.comm, before)
+        except DesignFailure:
+            return False
+        fresh.states.newton += before.states.newton
+        self.release()
+        self.meshed = fresh
+        return True
+
+    def _followed(self, device: Actuator) -> bool:
+        """Whether mesh and states could follow to a device."""
+        assert self.meshed is not None
+        try:
+            self.meshed.follow(device)
+        except (GeometryError, PoorMesh) as failure:
+            self.report(f"meshed once more, and the whole path solved: {failure}")
+            return False
         return True
 
     # -- values and gradients -------------------------------------------------------------------------------------------

@@ -32,8 +32,8 @@ OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
 """What can be asked for, with the sign under which it is minimised."""
 TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerances", "material_errors")
 LIMITS = ("at_least", "at_most")
-ROOM = 1.25
-"""How far above the least limit pressure that is asked for a limit point is looked for."""
+ROOM = 1.15
+"""How far above the limit pressure that is asked for a limit point is looked for: where it lies farther, it is no limit."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -141,10 +141,20 @@ class DesignProblem:
     @property
     def highest(self) -> float | None:
         """Pressure in Pa up to which a limit point is looked for: well above what is asked of it; None for the usual."""
-        margins = [keep.at_least or 0.0 for keep in self.limits if keep.quantity.name == MARGIN]
-        pressures = [keep.at_least or 0.0 for keep in self.limits if keep.quantity.name == "limit_pressure"]
-        most = max([self.working * margin for margin in margins] + pressures, default=0.0)
-        return ROOM * most if ROOM * most > 2.0 * self.working else None
+        kept = {
+            MARGIN: self.working,
+            "limit_pressure": 1.0,
+            "bifurcation_margin": self.working,
+            "bifurcation_pressure": 1.0,
+        }
+        if any(term.quantity.name in kept for term in self.terms):
+            return None
+        most = [
+            (keep.at_most or keep.at_least or 0.0) * kept[keep.quantity.name]
+            for keep in self.limits
+            if keep.quantity.name in kept
+        ]
+        return ROOM * max(*most, self.working) if most else None
 
     @property
     def working(self) -> float:

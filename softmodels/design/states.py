@@ -6,7 +6,10 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from softmodels.design.evaluation import DesignFailure
+from softmodels.design.known_states import Known, LimitPoint
 from softmodels.design.loads import PRESSURE, VOLUME, Load
 from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.newton import NoConvergence
@@ -22,22 +25,17 @@ if TYPE_CHECKING:
 
 MOST_SECANTS = 12
 """Steps of the secant method in which a limit point is found again on the next design."""
-CLOSE = 1e-8
+CLOSE = 1e-6
 """Change of the volume, in shares of what was added, at which the limit point is found: its pressure is exact to the square."""
 FIRST_STEP = 1e-3
 """The same of the secant's first step."""
 TIGHT = 1e-10
 """Of the linear solver for the path's direction, which is the null vector that derivatives are taken with."""
+FIRST_SHARE, LARGEST_SHARE = 0.05, 0.1
+"""The same of the first and the largest step towards the limit point from a state below it."""
+MOST_STEPS = 40
 FARTHEST = 0.5
 """The same of how far it may move from one design to the next; a farther one is looked for along the whole path."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class LimitPoint:
-    """A limit point of the pressure: the state, and the path's direction there, which is K's null vector."""
-
-    state: State
-    tangent: Tangent
 
 
 class WorkingStates:
@@ -108,10 +106,14 @@ class WorkingStates:
                     forked = point
                 if point.requested:
                     met.append(point.state)
+                if limit is not None and (forked is not None or self._bifurcations is None):
+                    break  # what lies behind it is not asked for, and is most of the work
         except PathEnd as end:
             limit = limit or end.limit
             if len(met) < len(loads):
                 raise self._failure(loads[len(met)], end) from end
+        if limit is not None and len(met) < len(loads):
+            raise self._limit_below(limit.state, loads[len(met)])
         self.states |= dict(zip(loads, met, strict=False))
         # Where the path passes the highest pressure without a limit point, the state there shows that later designs' do too.
         self._witness = met[-1] if limit is None and len(met) > len(loads) else None
@@ -149,33 +151,74 @@ class WorkingStates:
 
     # -- from one design to the next ------------------------------------------------------------------------------------
 
-    def carry(self) -> None:
-        """Take the states of the last design as guesses for the one that the mesh shows now.
+    @property
+    def known(self) -> Known:
+        """All of them as they are now, to be put back or to be guessed from."""
+        return Known(self._rest_volume, self.states, self.limit, self._witness, self.bifurcation)
+
+    @known.setter
+    def known(self, known: Known) -> None:
+        self._rest_volume, self.states, self.limit = known.rest, known.states, known.limit
+        self._witness, self.bifurcation = known.witness, known.bifurcation
+
+    def carry(self, guess: Known | None = None) -> None:
+        """Find all of them for the device that the mesh shows now.
+
+        Args:
+            guess: Where to begin; those of the last design if None.
 
         Raises:
             NoConvergence: One of them was not found from there. Nothing has changed then.
             DesignFailure: The limit point lies below one of the loads now. Nothing has changed then.
         """
-        before, rest = self._rest_volume, self.design.volume_at_rest()
-        # The limit point first: where it lies below a load, there is no state to be looked for there.
-        limit = self._carried_limit(before, rest)
-        found = {load: self._solve(load, state, rest) for load, state in self.states.items()}
-        witness = self._witness
-        if witness is not None:
+        guess, rest = guess or self.known, self.design.volume_at_rest()
+        limit, witness = guess.limit, guess.witness
+        highest = max((load for load in guess.states if load.kind == PRESSURE), default=None)
+        upwards = highest is not None and self._bifurcations is None and (limit or witness) is not None
+        if not upwards:  # the limit point first: where it lies below a load, there is no state to be looked for there
+            limit = self._carried_limit(guess, rest)
+        found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
+        if upwards and highest is not None:
+            limit, witness = self._upwards(found[highest], rest)
+        elif witness is not None:
             witness = self._solve(Load(PRESSURE, self.highest), witness, rest)
-        forked = self.bifurcation
+        forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
-            forked = self._bifurcations.near(forked.states[0], forked.V - before + rest, forked.mode, rest)
-        self.states, self.limit, self.bifurcation, self._rest_volume = found, limit, forked, rest
-        self._witness = witness
+            forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
+        self.known = Known(rest, found, limit, witness, forked)
 
-    def _carried_limit(self, before: float, rest: float) -> LimitPoint | None:
-        """The limit point of the design that the mesh shows now; see `carry`. The volumes are those at rest, then and now."""
-        if self.limit is None:
+    def _upwards(self, state: State, rest: float) -> tuple[LimitPoint | None, State | None]:
+        """The limit point along the path from a state below it, or the state at the highest pressure.
+
+        The last design's limit point is no guess to rely on: a bulge that grows all at once there grows elsewhere on the next.
+        By secants from below, with their steps bounded, hardly a state behind the limit point has to be solved for.
+
+        Raises:
+            NoConvergence: The path could not be followed.
+        """
+        here, step = self._on_path(state, state.V), FIRST_SHARE * (state.V - rest)
+        for _ in range(MOST_STEPS):
+            try:
+                there = self._on_path(here.state, here.state.V + step, here.tangent)
+            except NoConvergence:
+                step /= 3
+                continue
+            if there.state.P * self.system.stress_unit >= self.highest:
+                return None, self._solve(Load(PRESSURE, self.highest), there.state, rest)
+            rise, added = (there.tangent.P - here.tangent.P) / step, there.state.V - rest
+            here, step = there, -there.tangent.P / rise if rise < 0.0 else np.inf
+            if abs(step) < CLOSE * added:
+                return here, None
+            step = float(np.clip(step, -LARGEST_SHARE * added, LARGEST_SHARE * added))
+        raise NoConvergence("the limit point was not found along the path")
+
+    def _carried_limit(self, guess: Known, rest: float) -> LimitPoint | None:
+        """The limit point of the design that the mesh shows now, whose volume at rest is ``rest``; see `carry`."""
+        if guess.limit is None:
             return None
-        moved = dataclasses.replace(self.limit.state, V=self.limit.state.V - before + rest)
-        limit = self._limit_near(moved, rest)
-        for load in sorted(self.states):
+        state = guess.limit.state
+        limit = self._limit_near(dataclasses.replace(state, V=state.V - guess.rest + rest), rest)
+        for load in sorted(guess.states):
             if load.kind == PRESSURE and load.value >= limit.state.P * self.system.stress_unit:
                 raise self._limit_below(limit.state, load)
         return limit
@@ -201,9 +244,13 @@ class WorkingStates:
         """
         added = guess.V - rest
         here = self._on_path(guess, guess.V)
-        step = FIRST_STEP * added
+        step = -FIRST_STEP * added  # back first: right behind a limit point a bulge may grow all at once
         for _ in range(MOST_SECANTS):
-            there = self._on_path(here.state, here.state.V + step, here.tangent)
+            try:
+                there = self._on_path(here.state, here.state.V + step, here.tangent)
+            except NoConvergence:
+                step /= 4
+                continue
             rise = (there.tangent.P - here.tangent.P) / (there.state.V - here.state.V)
             if not rise:
                 break

@@ -95,7 +95,11 @@ def changes(
     if gained == 0:
         return [limit(corrector, before, after)] if turned else []
     if (turned or abs(gained) > 1) and depth < DEEPEST:
-        middle = corrector.middle(before, after)
+        try:
+            middle = corrector.middle(before, after)
+        except NoConvergence as failure:
+            report(f"several changes of stability between two points could not be told apart ({failure})")
+            return [limit(corrector, before, after)] if turned else []
         return [
             *changes(corrector, before, middle, report, depth + 1),
             *changes(corrector, middle, after, report, depth + 1),

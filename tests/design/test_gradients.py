@@ -9,11 +9,14 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
+from softmodels.design import meshed_design
 from softmodels.design.evaluation import DesignFailure
+from softmodels.design.loads import Load
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities.limits import LimitPressure
 from softmodels.design.quantities.places import DeviceFigure, Rise
 from softmodels.design.quantities.volumes import AddedVolume
+from softmodels.design.states import WorkingStates
 from softmodels.materials.laws import NeoHookean, Yeoh
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
@@ -22,6 +25,7 @@ LENGTHS = (
     "profile[1]", "profile[2]", "profile[3]",
 )  # fmt: skip
 WORKING = 2000.0
+PAST = Load("volume", 40e-6)
 
 
 @pytest.mark.parametrize("name", LENGTHS)
@@ -122,3 +126,25 @@ def test_a_design_that_balloons_below_its_load_is_stepped_back_from(thin_disk, c
     assert 1000.0 < failure.value.limit < WORKING
     assert not again.remeshed and again.newton < 80
     assert again.values["rise at 2 kPa"] == pytest.approx(here.values["rise at 2 kPa"], rel=1e-7)
+
+
+def test_a_poor_mesh_is_made_anew_and_its_states_are_interpolated(comm, monkeypatch, figure):
+    """Another length is free too, so that the two meshes have other units of length."""
+    disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
+    case = Case(name="poor", actuator=disk, material=NeoHookean(20e3, 0.49), pressures_cm=(10.0,))
+    quantities = (Rise(at=1000.0), AddedVolume(at=PAST), LimitPressure())
+    model = DesignModel(case, ("membrane", "cavity_radius"), quantities, comm, highest=4000.0)
+    model.evaluate(model.start * (1.0, 1.05))
+    model.evaluate(model.start * (0.75, 1.1))  # a mesh whose unit of length is another than that of the device it shows
+    traced = []
+    trace = WorkingStates.trace
+    monkeypatch.setattr(WorkingStates, "trace", lambda states: traced.append(states) or trace(states))
+    monkeypatch.setattr(meshed_design, "POOREST", 0.55)
+    there = model.evaluate(model.start * (0.5, 1.1))
+    assert there.remeshed and not traced
+    monkeypatch.undo()
+    fresh = model.confirm(there.theta)
+    assert model.meshed.design.system.length_unit != disk.size
+    model.release()
+    for key, value in fresh.values.items():
+        figure("a fresh mesh", "interpolated to a mesh made anew, then carried on", there.values[key] / value - 1, 3e-3)

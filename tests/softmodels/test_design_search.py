@@ -13,6 +13,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
+from softmodels.design.approach import FARTHEST_REACH, FIRST_REACH
 from softmodels.design.optimise import optimise
 from softmodels.design.problem import DesignProblem
 
@@ -74,6 +75,14 @@ def test_the_optimum_of_a_grid_in_few_evaluations():
     assert found.form.objective(found.best) >= wanted * (1 - 1e-3)  # the grid is no better than it
     assert len(found.trials) <= 20
     assert found.holding.balanced and all("would give about" in one for one in found.reasons)
+
+
+def test_the_first_steps_are_short_and_grow_where_they_were_foreseen():
+    found = optimise(problem_())
+    x = np.array([found.form.x(np.array(trial.theta)) for trial in found.trials])
+    steps = np.abs(np.diff(x, axis=0)).max(axis=1)
+    assert steps[0] == pytest.approx(FIRST_REACH, abs=1e-6)
+    assert FIRST_REACH < steps[:4].max() <= FARTHEST_REACH + 1e-6
 
 
 def test_no_design_is_evaluated_twice():
