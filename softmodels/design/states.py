@@ -31,8 +31,9 @@ FIRST_STEP = 1e-3
 """The same of the secant's first step."""
 TIGHT = 1e-10
 """Of the linear solver for the path's direction, which is the null vector that derivatives are taken with."""
-FIRST_SHARE, LARGEST_SHARE = 0.05, 0.1
-"""The same of the first and the largest step towards the limit point from a state below it."""
+LARGEST_SHARE, QUICK = 0.1, 3
+"""The same of the largest step towards the limit point from a state below it, twice that where Newton's method takes no more
+iterations than this: a step that is too long passes a bulge that snaps."""
 MOST_STEPS = 40
 FARTHEST = 0.5
 """The same of how far it may move from one design to the next; a farther one is looked for along the whole path."""
@@ -90,8 +91,8 @@ class WorkingStates:
     def _trace_pressures(self, loads: Sequence[Load]) -> None:
         unit = self.system.stress_unit
         wanted = [load.value / unit for load in loads]
-        top = self.highest / unit
-        if top > 0.0 and (not wanted or top > wanted[-1]):
+        top, upwards = self.highest / unit, bool(loads) and self._bifurcations is None
+        if top > 0.0 and not upwards and (not wanted or top > wanted[-1]):
             wanted.append(top)
         if not wanted:
             return
@@ -120,6 +121,8 @@ class WorkingStates:
         try:
             if limit is not None and self.highest:
                 self.limit = self._limit_near(limit.state, self._rest_volume)
+            elif upwards and self.highest:
+                self.limit, self._witness = self._upwards(met[-1], self._rest_volume)
             if forked is not None and forked.mode is not None and self._bifurcations is not None:
                 state = forked.state
                 self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
@@ -196,7 +199,8 @@ class WorkingStates:
         Raises:
             NoConvergence: The path could not be followed.
         """
-        here, step = self._on_path(state, state.V), FIRST_SHARE * (state.V - rest)
+        here, share = self._on_path(state, state.V), LARGEST_SHARE
+        step = share * (state.V - rest)
         for _ in range(MOST_STEPS):
             try:
                 there = self._on_path(here.state, here.state.V + step, here.tangent)
@@ -209,7 +213,8 @@ class WorkingStates:
             here, step = there, -there.tangent.P / rise if rise < 0.0 else np.inf
             if abs(step) < CLOSE * added:
                 return here, None
-            step = float(np.clip(step, -LARGEST_SHARE * added, LARGEST_SHARE * added))
+            share = min(1.5 * share, 2.0 * LARGEST_SHARE) if there.state.iterations <= QUICK else LARGEST_SHARE
+            step = float(np.clip(step, -share * added, share * added))
         raise NoConvergence("the limit point was not found along the path")
 
     def _carried_limit(self, guess: Known, rest: float) -> LimitPoint | None:
