@@ -27,6 +27,7 @@ from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, start
+from softmodels.mechanics.parts import PartError
 from softmodels.results.limit_band import band_texts, with_ends
 from softmodels.results.limits import Limit, Tolerance, find_limit, samples, scatter
 from softmodels.results.lost_path import NEAR
@@ -172,7 +173,7 @@ def _answered(
             values = samples(question.tolerances, question.count, question.normal)
             first = next(iter(materials.values()))
             sampled = scatter(case, first, question.tolerances, values, comm)
-    except (CaseError, ObstacleError) as error:
+    except (CaseError, ObstacleError, PartError) as error:
         fail(str(error))
     except (MeshingError, BodyError, CompilingError) as error:
         fail(str(error), FAILED)

@@ -23,6 +23,7 @@ from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
+from softmodels.mechanics.parts import PartError
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_MEMORY, RunError
 from softmodels.results.store import Results, ResultsError
 from softmodels.runs.failures import unwritten
@@ -117,7 +118,7 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
             return FAILED, str(error)
         case (
             GaugeError() | GeometryError() | MeshFileError() | CaseError() | MaterialError() | ObstacleError()
-            | ResultsError() | OwnFolderError() | InUseError()
+            | PartError() | ResultsError() | OwnFolderError() | InUseError()
         ):  # fmt: skip
             return BAD_INPUT, str(error)
         case PETSc.Error():

@@ -14,7 +14,7 @@ from softmodels.case.case import Case, CaseError
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import is_root, start
-from softmodels.mechanics.parts import Part, PartError
+from softmodels.mechanics.parts import Part
 from softmodels.mechanics.sheet import Sheet
 from softmodels.results.limits import Limit, find_limit
 from softmodels.results.outcomes import RunError
@@ -183,5 +183,5 @@ def limit(
     try:
         with sentences():
             return find_limit(device, [material], comm, sheet, obstacle, formulation, parts)[0]
-    except (BodyError, CompilingError, PartError) as error:
+    except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error

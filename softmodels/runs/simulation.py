@@ -17,7 +17,6 @@ from softmodels.case.case import Case
 from softmodels.materials.stability import weakness
 from softmodels.mechanics.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
-from softmodels.mechanics.parts import PartError
 from softmodels.results.column import Solved
 from softmodels.results.columns import row_of
 from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
@@ -112,7 +111,7 @@ class Simulation:
                 self.fields = Fields(self.solver, case.gauges)
                 self._band = self._make_band()
             self.beginning = Beginning(case, self.solver, say)
-        except (BodyError, CompilingError, PartError) as error:
+        except (BodyError, CompilingError) as error:
             raise RunError(str(error)) from error
 
     def _make_band(self) -> Band | None:

@@ -26,7 +26,7 @@ from geometries import ACTUATORS, Actuator, GeometryError
 from geometries.fields import about
 from geometries.kinds import Length
 from softmodels.case.case import Case, CaseError
-from softmodels.mechanics.parts import Part
+from softmodels.mechanics.parts import Part, PartError
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM
 
 BALANCE = 0.05
@@ -141,6 +141,9 @@ def main() -> None:
         told = f"{number}: {type(case.actuator).__name__}, {', '.join(part.where for part in case.parts) or 'alone'}"
         try:
             ended, fault = fault_of(sm.run(case))
+        except PartError as error:  # only the mesh shows that it cannot be there
+            ended, fault = "refused", ""
+            refused[str(error)[:80]] += 1
         except sm.RunError as error:
             ended, fault = "lost", str(error)
         except Exception as error:

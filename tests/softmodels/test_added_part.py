@@ -143,3 +143,14 @@ def test_fits_know_that_it_keeps_its_stiffness(tmp_path):
     _, rates = Sensitivity(solver).rates(found, pressure_control(found.P), ["shear_modulus"])
     slope = (state(28e3 * 1.001)[2] - state(28e3 * 0.999)[2]) / 56.0
     assert pytest.approx(slope, rel=1e-4) == rates["shear_modulus"].V
+
+
+def test_what_only_the_mesh_refuses_is_bad_input(tmp_path, monkeypatch, capsys):
+    def refused(self, setting):
+        raise PartError(f"{self.where}: not on this mesh")
+
+    monkeypatch.setattr(Springs, "term", refused)
+    assert run(case(Springs("top")), tmp_path / "run", quiet=True, draw=False) == 2
+    assert "[springs]: not on this mesh" in capsys.readouterr().err
+    with pytest.raises(PartError, match="not on this mesh"):
+        sm.inflate(DISK, LAW, "0:20 cm", parts=[Springs("top")])
