@@ -71,7 +71,7 @@ class DesignedBody:
 
     def face_load(self, role: str) -> Array:
         """A unit load along the lift, spread evenly over a role: owned entries; see `mechanics.face_load`."""
-        return face_load(self.system, role, self.system.body.actuator.lift).copy()
+        return self.system.by_unknowns(face_load(self.system, role, self.system.body.actuator.lift)).copy()
 
     def answer(self, force: Array) -> Array:
         """K^-1 times a force with the factorisation at hand, refined once on the K that was factorised; owned entries."""

@@ -55,6 +55,11 @@ class Assembly:
         b.scatter_reverse(la.InsertMode.add)
         return b.array[: self.n] if held else self._by_unknowns()
 
+    def by_unknowns(self, entries: Array) -> Array:
+        """Entries of owned dofs by the unknowns; a view that the next assembly overwrites."""
+        self._vector.x.array[: self.n] = entries
+        return self._by_unknowns()
+
     def _by_unknowns(self) -> Array:
         """What has been assembled by all dofs, by the unknowns."""
         b = self._vector.x.array

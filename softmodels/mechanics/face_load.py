@@ -10,7 +10,7 @@ from softmodels.mechanics.system import System
 
 
 def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """A unit load on the slice, spread evenly over a role's undeformed facets: owned entries, zero at held dofs.
+    """A unit load on the slice, spread evenly over a role's undeformed facets: entries of all owned dofs.
 
     Args:
         system: The equations.
@@ -18,7 +18,7 @@ def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArra
         direction: Unit vector in device coordinates.
 
     Returns:
-        Shape (n,), dimensionless, a view that the next assembly overwrites.
+        Shape (n,), dimensionless; `System.by_unknowns` turns it into what Newton's method has.
     """
     import ufl
     from dolfinx import fem
@@ -30,4 +30,4 @@ def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArra
     along = fem.Constant(body.mesh, in_section(direction, body.actuator.dimension))
     spread = fem.form(ufl.dot(along, body.displacement(y)) * body.hoop * measure)
     one = fem.Constant(body.mesh, 1.0)
-    return system.assemble([spread]) / system.integral(fem.form(one * body.hoop * measure))
+    return system.assemble([spread], held=True) / system.integral(fem.form(one * body.hoop * measure))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.mpi import any_rank
+from softmodels.mechanics.mpi import any_rank, total
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.rigid import STILL, Rigid
 from softmodels.mechanics.rigid_motion import RigidMotion
@@ -81,7 +81,7 @@ def unknowns_of(
     for part in rigid:
         found = nodes.on(body, part)
         dofs, places = nodes.dofs[found], nodes.places[found]
-        freedom = part.freedom(body.actuator, np.zeros(places.shape[1]))
+        freedom = part.freedom(body.actuator, _centre(body, part))
         motion = motions[part.label] = RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
         if any_rank(comm, bool(np.isin(dofs, taken).any())):
             raise PartError(f"{part.where} meets another rigid part; make them one")
@@ -95,3 +95,19 @@ def unknowns_of(
         return RigidUnknowns(comm, n, motions, still)
     except ValueError as few:
         raise PartError(str(few)) from None
+
+
+def _centre(body: Body, part: Rigid) -> Array:
+    """Centre of a part's whole undeformed face, in sizes of the device: what lies beyond cut planes counts too."""
+    import ufl
+    from dolfinx import fem
+
+    d = body.actuator.dimension
+    if d == 2:
+        return np.zeros(d)
+    area, X = body.sheet_face(part.face)[0], ufl.SpatialCoordinate(body.mesh)
+    one = fem.Constant(body.mesh, 1.0)
+    size, *moments = (total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
+    centre = np.array(moments) / size
+    normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
+    return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)

@@ -229,7 +229,7 @@ class Solver:
         return self._answer()
 
     def dead_load_compliance(self, state: State, load: Array) -> float:
-        """Work of a dead load (owned entries, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
+        """Work of a dead load (entries of owned dofs, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
 
         One more back-substitution with the factorisation at hand and a few iterations; infinite where the tangent has no
         solution.
@@ -237,6 +237,7 @@ class Solver:
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
         bordered.control = pressure_control(0.0)
+        load = self.system.by_unknowns(load).copy()
         bordered.join(newton.f, load, np.zeros(bordered.scalars))
         bordered.mat.assemble()
         self._side.setOperators(bordered.mat)

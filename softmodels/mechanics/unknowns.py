@@ -83,8 +83,8 @@ class Unknowns:
             forces: Gives the residual conjugate to w, owned entries.
         """
 
-    def projected(self, whole: PETSc.Mat) -> PETSc.Mat:
-        """T^T M T of another matrix."""
+    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        """T^T M T of another matrix; what was made before is made anew where a part has turned."""
         return whole
 
     def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
@@ -200,9 +200,7 @@ class RigidUnknowns(Unknowns):
     def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
         from petsc4py import PETSc
 
-        if self.turns:
-            self._T.setValuesCSR(*self._rows(whole))  # type: ignore[arg-type]
-            self._T.assemble()
+        self._take_rates(whole)
         same = whole.getInfo()["nz_used"] == self._entries  # contact couples more and more of them
         self._product = whole.ptap(self._T, self._product if same else None)
         self._entries = whole.getInfo()["nz_used"]
@@ -218,11 +216,17 @@ class RigidUnknowns(Unknowns):
                 self._reduced.setValues(at, at, second, PETSc.InsertMode.ADD)  # type: ignore[arg-type]
         self._reduced.assemble()
 
-    def projected(self, whole: PETSc.Mat) -> PETSc.Mat:
+    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        if into is not None and not self.turns:
+            return into
+        self._take_rates(whole)
+        return whole.ptap(self._T, into)
+
+    def _take_rates(self, whole: PETSc.Mat) -> None:
+        """Take the present rates into T."""
         if self.turns:
             self._T.setValuesCSR(*self._rows(whole))  # type: ignore[arg-type]
             self._T.assemble()
-        return whole.ptap(self._T)
 
     def _second(self, forces: Callable[[], Array]) -> list[Array]:
         """Each part's second derivatives' part of the tangent; nothing where none can turn."""

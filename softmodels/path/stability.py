@@ -129,7 +129,7 @@ class Stability:
 
     def wants(self, state: State) -> bool:
         """Whether the signature at this state needs a factorisation of its own."""
-        if self.unknowns <= ALWAYS or not self.modes:
+        if self.unknowns <= ALWAYS or not self.modes or self.solver.system.unknowns.turns:
             return True
         try:
             self._guess = self._corrected(state)
@@ -145,6 +145,7 @@ class Stability:
 
     def lowest(self) -> float:
         """Lowest eigenvalue of K as it is factorised; nan if it was not found to within its tolerance."""
+        self.solver.system.unknowns.projected(self.mass, self.M)
         try:
             value, self.modes = lowest(
                 self.solver.bordered.solve, self.M, self.seed, self.negative_eigenvalues(), BLOCK
@@ -233,6 +234,7 @@ class Stability:
 
     def _pairs(self, count: int) -> list[tuple[float, Array]]:
         """`eigenpairs` of K as it is factorised."""
+        self.solver.system.unknowns.projected(self.mass, self.M)
         from petsc4py import PETSc
         from slepc4py import SLEPc
 

@@ -1,0 +1,150 @@
+"""A rigid plate with a weight on an inflated membrane, against the membrane equations solved by shooting (`membrane_shooting`).
+
+The equations know no bending and no thickness; a membrane of thickness t bends at the plate and at the clamp within about t.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from geometries import Membrane
+from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.mechanics.loads import Force, Gravity
+from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.quantities import DIRECT
+from softmodels.path.stages import Stage, hang, inflate_from
+
+RADIUS, PLATE, MU, G = 0.020, 0.008, 30e3, 9.80665
+AT = (0, 4, 8, 14, 20)
+HEIGHTS = np.linspace(0.2, 1.4, 25)[list(AT)] * RADIUS  # 0.2, 0.4, 0.6, 0.9 and 1.2 radii
+CASES = {
+    "neo-hookean, thin, light": (NeoHookean(MU, 0.5), (15e3,), 0.005, 0.3),
+    "neo-hookean, thin, heavy": (NeoHookean(MU, 0.5), (15e3,), 0.005, 0.7),
+    "yeoh, thick": (Yeoh(15e3, 300.0, 20.0, 0.5), (15e3, 300.0, 20.0), 0.03, 0.5),
+}
+"""Law, its numbers in the membrane equations, thickness over radius, and weight over 2 pi a t mu."""
+EQUATIONS = "the membrane equations by shooting, with a rigid plate and its weight"
+
+
+@pytest.fixture(scope="module")
+def shooting():
+    spec = importlib.util.spec_from_file_location("membrane_shooting", Path(__file__).with_name("membrane_shooting.py"))
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Plated:
+    """A membrane with a plate, a weight on it, and a load cell that can hold it."""
+
+    def __init__(self, case, body_of, shooting):
+        law, numbers, ratio, share = case
+        self.thickness, self.weight = ratio * RADIUS, share * 2 * math.pi * PLATE * ratio * RADIUS * MU
+        membrane = Membrane(
+            radius=RADIUS, thickness=self.thickness, plate_radius=PLATE, clamp_width=0.0,
+            cell_size=min(8 * self.thickness, 1e-3),
+        )  # fmt: skip
+        exact = shooting.CircularMembrane(RADIUS, self.thickness, shooting.Yeoh(*numbers), PLATE, self.weight)
+        path = exact.path(np.linspace(0.2, 1.4, 25) * RADIUS)
+        self.exact, self.limit = [path[k] for k in AT], shooting.limit(path)
+        plate = Rigid("plate", name="plate", mass=self.weight / G)
+        self.solver = Solver(
+            System(body_of(membrane), law, parts=[plate, Gravity("-z", density=0.0), Force("plate", "z", name="cell")])
+        )
+        self.system = self.solver.system
+
+    @property
+    def loads(self):
+        """The drivers' magnitudes with the weight alone, dimensionless."""
+        return np.array([0.0, self.weight / self.system.dead.units[0], 0.0])
+
+    def height(self, state):
+        self.system.load(state)
+        return self.system.unknowns.moving["plate"].values[0] * RADIUS
+
+    def inflated(self):
+        """Points of the path from where it hangs, through the volumes that the membrane equations have at `HEIGHTS`."""
+        start = inflate_from(self.solver, hang(self.solver, [("the weight", self.loads)], lambda text: None))
+        goals = [(self.system.body.actuator.cavity_volume + one.volume) / self.system.volume_unit for one in self.exact]
+        path = Continuation(self.solver, DIRECT["volume"], "volume", 0.05 * goals[-1], start=start)
+        return start, list(trace(path, [goal - start.V for goal in goals]))
+
+    def held_at(self, height):
+        """Force of the load cell that holds the plate at a height, at the pressure that the membrane equations have there."""
+        here = hang(self.solver, [("the weight", self.loads)], lambda text: None)
+        pressure = next(one.pressure for one in self.exact if math.isclose(one.height, height))
+        for change in ([0.0, 0.0, height / RADIUS - here.driven[2]], [pressure / MU, 0.0, 0.0]):
+            stage = Stage.between(here, np.array(change), (2,), here.driven)
+            *_, (_, last) = stage.follow(self.solver, "auto", lambda text: None)
+            here = stage.stop(self.solver, last, 0)
+        return here
+
+
+@pytest.fixture(scope="module", params=CASES.values(), ids=CASES)
+def plated(request, body_of, shooting):
+    made = Plated(request.param, body_of, shooting)
+    return made, *made.inflated()
+
+
+def test_pressure_and_height_are_the_membrane_equations(plated, figure):
+    made, start, points = plated
+    assert made.height(start) < -0.05 * RADIUS  # it hangs
+    asked = [point for point in points if point.requested and point.tangent is not None and point.state.V > start.V]
+    assert len(asked) == len(HEIGHTS)
+    found = np.array([(point.state.P * MU, made.height(point.state)) for point in asked])
+    shares = found / [(one.pressure, one.height) for one in made.exact] - 1
+    if made.thickness < 0.01 * RADIUS:
+        figure(EQUATIONS, "pressure at heights of 0.2 to 1.2 radii, same volume, 0.005", shares[:, 0], 0.01)
+        figure(EQUATIONS, "height of the plate there, 0.005", shares[:, 1], 0.01)
+    else:
+        figure(EQUATIONS, "pressure at heights of 0.9 and 1.2 radii, same volume, 0.03", shares[3:, 0], 0.015)
+        figure(EQUATIONS, "height of the plate there, 0.03", shares[3:, 1], 0.015)
+
+
+def test_its_limit_point(plated, figure):
+    made, _, points = plated
+    if made.limit is None:
+        assert not any(point.limit for point in points)
+        return
+    found = next(point for point in points if point.limit)
+    figure(EQUATIONS, "limit pressure", found.state.P * MU / made.limit[1] - 1, 3e-3)
+    assert found.signature.negative_eigenvalues == 0 and points[-1].signature.negative_eigenvalues == 1
+
+
+def test_the_weight_works_too(plated, figure):
+    """Stored is what the air has worked less what the weight has been lifted by."""
+    made, start, points = plated
+    system, ends = made.system, []
+    for state in (start, points[-1].state):
+        height = made.height(state)
+        ends.append((system.stored_energy() * MU * RADIUS**3, height))
+    V, P = (np.array([getattr(point.state, name) for point in points]) for name in "VP")
+    slopes = [point.tangent.P / point.tangent.V for point in points]
+    order = np.argsort(V)
+    work = CubicHermiteSpline(V[order], P[order], np.array(slopes)[order]).integrate(V.min(), V.max()) * MU * RADIUS**3
+    stored, lifted = np.subtract(ends[1], ends[0])
+    figure(
+        "work of the air and of the weight",
+        "energy stored by a loaded membrane",
+        (work - made.weight * lifted) / stored - 1,
+        2e-5,
+    )
+
+
+def test_a_load_cell_at_a_given_height(body_of, shooting, figure):
+    """The plate held at a height, and the air's pressure raised to what the equations have there: the cell bears nothing."""
+    made = Plated(CASES["neo-hookean, thin, light"], body_of, shooting)
+    here = made.held_at(HEIGHTS[2])
+    assert made.height(here.state) == pytest.approx(HEIGHTS[2], rel=1e-8)
+    force = here.drives[2] * made.system.dead.units[1]
+    figure(EQUATIONS, "force on a load cell at a given height, over the weight", force / made.weight, 0.01)
