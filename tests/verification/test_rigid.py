@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from geometries import Actuator, CutPlane, Hold
+from geometries.fields import choice_field, length_field
 from softmodels.case.case import Case, CaseError
 from softmodels.mechanics.controls import pressure_control
+from softmodels.mechanics.loads import Force
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.rotations import Turn, amounts, nearest, rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.stability import Stability
+from softmodels.path.stages import hang
 
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.002)
 LAW = sm.NeoHookean(28e3)
@@ -142,3 +147,169 @@ def test_what_cannot_be(body_of):
     twice = (PLATE, dataclasses.replace(PLATE, name="other"))
     with pytest.raises(PartError, match="meets another rigid part"):
         System(body_of(DISK), LAW, parts=twice)
+
+
+# -- a part that turns ------------------------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Beam(Actuator):
+    """A beam along x, held at x = 0; whole, or its half y > 0 on the plane of symmetry."""
+
+    length: float = length_field(0.020, "length")
+    edge: float = length_field(0.004, "height and width")
+    half: str = choice_field("no", ("no", "yes"), "half of it")
+    dimension, faces, ratios, cavity_volume, mesh_order, probes = 3, ("end", "side"), (), 0.0, 1, {}
+
+    @property
+    def size(self):
+        return self.edge
+
+    @property
+    def copies(self):
+        return 2 if self.half == "yes" else 1
+
+    @property
+    def cut_planes(self):
+        return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.half == "yes" else ()
+
+    @property
+    def holds(self):
+        return (Hold("support", None),)
+
+    @property
+    def solid_volume(self):
+        return self.length * self.edge**2
+
+    def on_profile(self, points):
+        return np.zeros(len(points), dtype=bool)
+
+    def check(self):
+        pass
+
+    def build(self):
+        import gmsh
+
+        start = 0.0 if self.half == "yes" else -self.edge / 2
+        gmsh.model.occ.addBox(0, start, 0, self.length, self.edge / 2 - start, self.edge)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(3, [1], name="solid")
+        groups = {}
+        for _, face in gmsh.model.getEntities(2):
+            box = np.array(gmsh.model.getBoundingBox(2, face)).reshape(2, 3)
+            flat = {"support": box[1, 0], "end": box[0, 0] - self.length}
+            flat |= {"plane0": box[1, 1]} if self.half == "yes" else {}
+            name = next((name for name, off in flat.items() if abs(off) < 1e-6), "side")
+            groups.setdefault(name, []).append(face)
+        for name, tags in groups.items():
+            gmsh.model.addPhysicalGroup(2, tags, name=name)
+        gmsh.model.mesh.setSizeCallback(lambda *args: 0.8 * self.edge)
+
+
+@pytest.fixture(scope="module")
+def bent(body_of):
+    """A beam with a rigid plate on its end, bent far by two dead forces: its solver and the state."""
+    parts = [dataclasses.replace(PLATE, face="end"), Force("end", "-z", name="down"), Force("end", "y", name="aside")]
+    solver = Solver(System(body_of(Beam()), LAW, parts=parts))
+    return solver, hang(
+        solver, [("the forces", np.array([0.02, 0.01]) / solver.system.dead.units)], lambda text: None
+    ).state
+
+
+def test_a_turned_plate_is_in_balance(bent, figure):
+    """Forces and moments on the plate cancel, its nodes keep their distances, and the rest is in equilibrium."""
+    solver, state = bent
+    system = solver.system
+    system.load(state)
+    motion = system.unknowns.moving["plate"]
+    assert np.degrees(np.linalg.norm(rotation_vector(motion.rotation))) > 60.0
+    residual = system.residual()
+    force, moment = motion.wrench(residual)
+    free = np.ones(system.n, dtype=bool)
+    free[followers(system)] = False
+    free[np.concatenate([bc.dof_indices()[0] for bc in system.bcs])] = False
+    left = np.concatenate([force, moment, residual[free]])
+    figure(FREE, "force or moment left with a turned plate", np.abs(left).max() / np.abs(residual).max(), 1e-8)
+    places = motion.places + state.w[motion.dofs] @ system.body.skew_inverse.T
+    moved, rest = (np.linalg.norm(x[:, None] - x[None], axis=2) for x in (places, motion.places))
+    figure("the undeformed plate", "distances within a turned plate", np.abs(moved - rest).max(), 1e-13)
+
+
+def test_tangent_of_a_turned_plate(bent, figure):
+    """The tangent's product against differences of the residual, where the plate has turned on from the state as well."""
+    solver, state = bent
+    system = solver.system
+    q, scalars = system.unknowns.begin(state.w[: system.dofs]).copy(), np.array([state.P, *state.w[system.dofs :]])
+    slots = system.unknowns.slots[0][1]
+    q[slots] += 0.05 * np.arange(1, 7)
+    way = np.random.default_rng(5).standard_normal(system.n)
+    way[np.concatenate([system.unknowns.idle, *(bc.dof_indices()[0] for bc in system.bcs)])] = 0.0
+
+    def residual(amount):
+        system.set_iterate(q + amount * way, scalars)
+        return system.internal_forces().copy() - system.pressures @ system.pressure_loads()
+
+    steps = 1e-5, 2e-5
+    first, second = ((residual(step) - residual(-step)) / (2 * step) for step in steps)
+    difference = first + (first - second) / 3
+    system.set_iterate(q, scalars)
+    product = np.empty(system.n)
+    system.tangent_product(way, product)
+    figure(
+        "differences of the residual",
+        "tangent with a turning plate",
+        np.abs(product - difference).max() / np.abs(product).max(),
+        1e-7,
+    )
+    system.assemble_tangent()
+    x, y = system.K.createVecRight(), system.K.createVecLeft()
+    x.array_w[:] = way
+    system.K.mult(x, y)
+    figure(
+        "its product",
+        "matrix of the tangent with a turning plate",
+        np.abs(y.array_r - product).max() / np.abs(product).max(),
+        1e-13,
+    )
+
+
+def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
+    """Three motions in a half model against six in a whole one, under a force in the plane of symmetry."""
+    found = {}
+    for half in ("yes", "no"):
+        solver = Solver(
+            System(
+                body_of(Beam(half=half)),
+                LAW,
+                parts=[dataclasses.replace(PLATE, face="end"), Force("end", "-z", name="down")],
+            )
+        )
+        system = solver.system
+        system.load(hang(solver, [("the force", np.array([0.02]) / system.dead.units)], lambda text: None).state)
+        motion = system.unknowns.moving["plate"]
+        assert motion.freedom.count == (3 if half == "yes" else 6)
+        found[half] = np.concatenate([motion.translation, rotation_vector(motion.rotation)])
+    # Their meshes are not each other's images.
+    figure(
+        "the whole beam's",
+        "motion of the plate on a half beam",
+        np.abs(found["yes"] - found["no"]).max() / np.abs(found["no"]).max(),
+        0.01,
+    )
+
+
+def test_rotations():
+    """Derivatives against differences, and the rotation that is found again from turned points."""
+    rng, axes, step = np.random.default_rng(2), np.eye(3), 1e-6
+    v, points = rng.standard_normal(3), rng.standard_normal((9, 3))
+    turn = Turn(v, axes)
+    ends = [(Turn(v + step * e, axes), Turn(v - step * e, axes)) for e in axes]
+    slopes = np.array([(a.matrix - b.matrix) / (2 * step) for a, b in ends])
+    curvatures = np.array([(a.slopes() - b.slopes()) / (2 * step) for a, b in ends])
+    assert np.allclose(slopes, turn.slopes(), atol=1e-8) and np.allclose(curvatures, turn.curvatures(), atol=1e-8)
+    assert np.allclose(amounts(turn.matrix, axes), v)
+    for arms in (points, points * [1.0, 1.0, 0.0]):
+        assert np.allclose(nearest((arms @ turn.matrix.T).T @ arms, axes), turn.matrix)
+    about = np.array([[0.0, 0.6, 0.8]])
+    once = Turn(np.array([1.5]), about).matrix
+    assert np.allclose(nearest((points @ once.T).T @ points, about), once)
