@@ -69,6 +69,14 @@ def set_sizes(size: Callable[[float, float, float], float]) -> None:
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
 
 
+def corners_of(tag: int) -> NDArray[np.float64]:
+    """Corners of a face in m, shape (n, 3)."""
+    import gmsh
+
+    corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
+    return np.array([gmsh.model.getValue(0, corner, []) for _, corner in corners]) / MM
+
+
 def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Corners in m of the block around a face, which is larger by up to 1e-10 m."""
     import gmsh

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometries.layers import Entity, add_block, bond, face_block, one_solid, set_sizes
+from geometries.layers import Entity, add_block, bond, corners_of, face_block, one_solid, set_sizes
 from geometries.pneunet_plan import Box, air, gaps, half_width, length, top, upper
 
 if TYPE_CHECKING:
@@ -89,6 +89,7 @@ def _role(finger: PneuNet, tag: int) -> str:
     ):
         if flat == axis and abs(at - place) < near:
             return role
-    if any(box.holds(low, high, near) for box in air(finger)):
+    # One face may run along several boxes, as the base's does under the chambers and the channel.
+    if all(any(box.holds(corner, corner, near) for box in air(finger)) for corner in corners_of(tag)):
         return "cavity"
     return "chamber_walls" if flat == 0 else "outer"

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+CONTACT_SLACK = 3
+
 
 def mark_symmetric(K: PETSc.Mat) -> None:
     """Let a matrix know that it is symmetric, whatever its values."""
@@ -167,6 +169,11 @@ class AssembledTerms:
         self._terms = [term for term in terms if isinstance(term, AssembledTerm)]
         for term in self._terms:
             term.bcs = bcs
+
+    @property
+    def slack(self) -> int:
+        """Newton iterations more than usual that are no reason for shorter steps: every step changes which points touch."""
+        return CONTACT_SLACK if self._terms else 0
 
     def energy(self, w: Array) -> float:
         return sum((term.energy(w) for term in self._terms), 0.0)

@@ -162,9 +162,9 @@ class Continuation:
         line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
         state = self.corrector.solve(line, self.trail.points)
         self.corrector.check_branch(state, line)
-        if goal is not None:
-            state = self.requested.exactly(state, goal)
-        change = GROWTH if state.iterations <= QUICK else 1.0 if state.iterations < SLOW else 0.6
+        state = state if goal is None else self.requested.exactly(state, goal)
+        count = state.iterations - self.solver.system.assembled.slack
+        change = GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
         following = max(step, share) * change if change > 1 else share * change
         return self.corrector.point(state, requested=goal is not None, step=following)
 

@@ -54,6 +54,7 @@ def figures(
                 found[f"{name} at {point.state.P:g}"] = np.hstack(list(values.values())).tolist()
         if name == "wedge":
             found["wedge, rates and outline"] = rates(equations, 0.1)
+    found["wedge whose walls meet"] = meeting(comm, wedge)
     equations = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495)))
     found["section past its limit, rates and outline"] = rates(equations, 6.0)
     points = []
@@ -68,6 +69,26 @@ def figures(
     found["pair, one volume held and then changed"] = program(comm, pair)
     found["design, values and gradients"] = design(comm)
     return found
+
+
+def meeting(comm, wedge: Path) -> list[float]:
+    """A wedge that is sucked empty until the cavity's floor and ceiling press on each other, images across the cuts too."""
+    from softmodels.materials.laws import NeoHookean
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.controls import volume_control
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
+    from softmodels.mechanics.walls.part import Walls
+
+    equations = Solver(System(Body.from_file(WEDGE, wedge, comm), NeoHookean(30e3, 0.49), parts=[Walls("cavity")]))
+    system = equations.system
+    state = rest = system.rest()
+    for share in (0.7, 0.5, 0.4, 0.37):
+        state = equations.solve(volume_control(share * rest.V), state.w, state.P)
+    equations.factorise(state)
+    figures = system.potential.terms["walls"].figures(system)
+    pressed = [figures[f"walls_{name}"] for name in ("contact_N", "overlap_mm")]
+    return [state.P, system.stored_energy(), *pressed, float(equations.bordered.negative_eigenvalues())]
 
 
 def design(comm) -> list[float]:

@@ -46,6 +46,13 @@ def section_of(bent_tube, law):
     return bent_tube.BentTube(bent_tube.Section(*SECTION), (law.c1, law.c2, law.c3), bulk)
 
 
+def test_the_walls_of_the_air_are_closed(equilibrium):
+    """The cavity's faces enclose its volume; a face that runs under several chambers is among them."""
+    device = DEVICES["PneuNet"][0]
+    system = equilibrium(device, SILICONE).system
+    assert system.rest().V * system.volume_unit == pytest.approx(device.cavity_volume, rel=1e-9)
+
+
 @pytest.fixture(scope="module")
 def inflated(equilibrium, solved):
     """Return a function that inflates a device to some pressures: all points, and the figures at these."""

@@ -34,8 +34,7 @@ class Pressed:
         surface = self.pairs.surface
         self.surface = surface
         self.places, self.areas = surface.places(self.nodes), surface.areas(self.nodes)
-        i, j = self.pairs.near(self.places)
-        near = Near.of(i, j, self.places, self.areas, self.pairs.radius)
+        near = Near.of(self.pairs, self.places, self.areas)
         self.N, self.S = near.sums(len(self.places))
         D = np.linalg.norm(self.S, axis=1)
         self.seen = LEAST < D
@@ -82,8 +81,9 @@ class Pressed:
         """Derivatives of the energy by the samples' places and by their area vectors, shape (s, d) each."""
         by_r, by_m = pair_rates(self.near, self.points.first)
         count, d = self.S.shape
-        i, j = self.near.i, self.near.j
-        places = [np.bincount(i, by_r[:, c], count) - np.bincount(j, by_r[:, c], count) for c in range(d)]
+        i, j, back = self.near.i, self.near.j, self.pairs.images[self.near.image]
+        at_wall, by_m = np.einsum("pji,pj->pi", back, by_r), np.einsum("pji,pj->pi", back, by_m)
+        places = [np.bincount(i, by_r[:, c], count) - np.bincount(j, at_wall[:, c], count) for c in range(d)]
         return np.column_stack(places), np.column_stack([np.bincount(j, by_m[:, c], count) for c in range(d)])
 
     @functools.cached_property
@@ -117,14 +117,16 @@ class Pressed:
         d = self.nodes.shape[1]
         return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), -1))
 
-    def _pair_places(self, i: Numbers, j: Numbers, rates: Array) -> Array:
+    def _pair_places(self, near: Near, rates: Array) -> Array:
         """Derivative of (r, m) of pairs by the places of the nodes of both facets, shape (p, 2d, 2kd)."""
         shapes, (d, k) = self.surface.shapes, rates.shape[1:3]
-        Z = np.zeros((len(i), 2 * d, 2 * k, d))
+        turn = self.pairs.images[near.image]
+        Z = np.zeros((len(near.i), 2 * d, 2 * k, d))
         for c in range(d):
-            Z[:, c, :k, c], Z[:, c, k:, c] = shapes[i], -shapes[j]
-        Z[:, d:, k:] = rates[j]
-        return Z.reshape(len(i), 2 * d, 2 * k * d)
+            Z[:, c, :k, c] = shapes[near.i]
+        Z[:, :d, k:] = -shapes[near.j][:, None, :, None] * turn[:, :, None, :]
+        Z[:, d:, k:] = (turn @ rates[near.j].reshape(len(near.i), d, k * d)).reshape(-1, d, k, d)
+        return Z.reshape(len(near.i), 2 * d, 2 * k * d)
 
     def _through_pairs(self) -> sparse.csr_array:
         """The second derivative but for that of the area vectors. Pairs of the same two facets are added up first."""
@@ -147,7 +149,7 @@ class Pressed:
             chosen = starts[chunk : chunk + FACET_PAIRS]
             end = starts[chunk + FACET_PAIRS] if chunk + FACET_PAIRS < len(starts) else len(key)
             part = near.taken(slice(chosen[0], end))
-            Z = self._pair_places(part.i, part.j, rates)
+            Z = self._pair_places(part, rates)
             blocks = np.add.reduceat(
                 Z.transpose(0, 2, 1) @ pair_curvatures(part, first) @ Z, chosen - chosen[0], axis=0
             )

@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from softmodels.mechanics.walls.pairs import Pairs
 from softmodels.mechanics.walls.surface import Array, Numbers
 
 LEAST, WHOLE = 0.1, 0.4
@@ -59,26 +60,35 @@ class Near:
 
     Attributes:
         i, j: Samples, those of the points and those of the wall, shape (p,).
-        r: x_i - y_j, shape (p, d).
-        m: Area vectors of j, shape (p, d).
+        image: Which image of the wall it is, shape (p,).
+        r: x_i - y_j, shape (p, d); y_j is of the image.
+        m: Area vectors of j, of the image, shape (p, d).
         K: Kernel and its first two derivatives by r.r, shape (3, p).
     """
 
     i: Numbers
     j: Numbers
+    image: Numbers
     r: Array
     m: Array
     K: Array
 
     @classmethod
-    def of(cls, i: Numbers, j: Numbers, places: Array, areas: Array, radius: Array) -> Near:
-        """Pairs in a shape of the walls: K = (1 - r.r/R^2)^3 over its own integral on a plane."""
-        r, R = places[i] - places[j], radius[j]
+    def of(cls, pairs: Pairs, places: Array, areas: Array) -> Near:
+        """Pairs in a shape of the walls: K = (1 - r.r/R^2)^3 over its own integral on a plane.
+
+        Args:
+            pairs: The walls and their search.
+            places, areas: Of the samples, shape (s, d) each.
+        """
+        i, number = pairs.near(places)
+        image, j = np.divmod(number, len(places))
+        r, R = places[i] - pairs.of_all(places)[number], pairs.radius[j]
         s = np.einsum("pi,pi->p", r, r) / R**2
         t = np.maximum(1.0 - s, 0.0)
         unit = 32 / 35 * R if r.shape[1] == 2 else math.pi / 4 * R**2
         K = np.stack([t**3, -3 * t**2 / R**2, 6 * t / R**4]) / unit
-        return cls(i, j, r, areas[j], K)
+        return cls(i, j, image, r, pairs.of_all(areas)[number], K)
 
     def sums(self, count: int) -> tuple[Array, Array]:
         """N, shape (count,), and S, shape (count, d), of each point."""
@@ -94,7 +104,7 @@ class Near:
 
     def taken(self, which: np.ndarray | slice) -> Near:
         """Some of the pairs, or all in another order."""
-        return Near(self.i[which], self.j[which], self.r[which], self.m[which], self.K[:, which])
+        return Near(self.i[which], self.j[which], self.image[which], self.r[which], self.m[which], self.K[:, which])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

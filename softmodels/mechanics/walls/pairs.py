@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,27 +12,33 @@ from scipy.spatial import cKDTree
 
 from softmodels.mechanics.walls.surface import Array, Numbers, Surface
 
-REACH = 1.2
-"""Radius of the kernel in edges of the facets: two and a half times the distance of samples, at rest."""
+REACH = 0.9
+"""Radius of the kernel in edges of the facets: twice to three times the distance of samples at rest."""
 OPPOSED = -0.2
 """Largest product of normals at rest of neighbours on one wall that may come to press on each other."""
 NEIGHBOURS = 3.0
 """Distance at rest, in radii, up to which samples are neighbours on one wall."""
+MOST_IMAGES = 100
+"""Images of a slice that are taken; a wedge of 15 degrees has 24."""
 BEHIND = 1e-6
 """Sine of the angle under which a chord has to enter the solid at both ends, to run through silicone."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pairs:
-    """The search for pairs of samples.
+    """The search for pairs: of samples that are points with samples of walls, of the walls' mirror images too.
+
+    Sample j of image g has the number g s + j, where there are s samples.
 
     Attributes:
         surface: All walls.
         meets: Whether a wall may press on another, or on itself, shape (walls, walls), symmetric.
+        images: Orthogonal matrices of the images, the identity first, shape (g, d, d).
     """
 
     surface: Surface
     meets: npt.NDArray[np.bool_]
+    images: Array
 
     @functools.cached_property
     def radius(self) -> Array:
@@ -39,42 +46,62 @@ class Pairs:
         edges, measure = self.surface.edges, self.surface.measure
         return REACH * np.maximum(edges, float(edges @ measure / measure.sum()))
 
+    def of_all(self, vectors: Array) -> Array:
+        """Vectors of all samples of all images, shape (s, d) to (g s, d)."""
+        return np.asarray(np.einsum("gij,sj->gsi", self.images, vectors).reshape(-1, vectors.shape[1]))
+
     @functools.cached_property
-    def normals(self) -> Array:
-        """Unit normals at rest, shape (s, d)."""
-        areas = self.surface.rest[1]
-        return np.asarray(areas / np.linalg.norm(areas, axis=1)[:, None])
+    def _rest(self) -> tuple[Array, Array]:
+        """Places and unit normals at rest of all samples of all images, shape (g s, d) each."""
+        places, areas = self.surface.rest
+        return self.of_all(places), self.of_all(areas / np.linalg.norm(areas, axis=1)[:, None])
 
     def allowed(self, i: Numbers, j: Numbers) -> npt.NDArray[np.bool_]:
-        """Whether samples i may press on samples j.
+        """Whether samples i may press on samples j of any image.
 
         It depends on the undeformed shape alone, so that the energy is a function of the displacement. Left out are
         neighbours on one wall that do not face each other, and two sides of a wall, between which there is silicone.
         """
-        owner, walls = self.surface.owner, self.surface.walls
-        may = self.meets[walls[owner[i]], walls[owner[j]]]
+        owner, walls, count = self.surface.owner, self.surface.walls, len(self.surface.owner)
+        may = self.meets[walls[owner[i]], walls[owner[j % count]]]
         i, j = i[may], j[may]
-        X, N = self.surface.rest[0], self.normals
+        X, N = self._rest
         chord = X[j] - X[i]
         length = np.linalg.norm(chord, axis=1)
         out, back = np.einsum("pi,pi->p", chord, N[i]), -np.einsum("pi,pi->p", chord, N[j])
         through = (out < -BEHIND * length) & (back < -BEHIND * length)
-        beside = (length < NEIGHBOURS * self.radius[j]) & (np.einsum("pi,pi->p", N[i], N[j]) > OPPOSED)
-        may[may] = ~(through | beside)
+        close = length < NEIGHBOURS * self.radius[j % count]
+        may[may] = ~(through | (close & (np.einsum("pi,pi->p", N[i], N[j]) > OPPOSED)))
         return may
 
-    def near(self, places: Array, reach: float = 1.0) -> tuple[Numbers, Numbers]:
-        """Pairs that may press on each other and are nearer than ``reach`` radii, each both ways, sorted by the first.
+    def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
+        """Samples and samples of images nearer to each other than ``reach``, where the samples are at ``places``, (s, d)."""
+        found = cKDTree(places).sparse_distance_matrix(cKDTree(self.of_all(places)), reach, output_type="ndarray")
+        return found["i"].astype(np.int64), found["j"].astype(np.int64)
+
+    def near(self, places: Array) -> tuple[Numbers, Numbers]:
+        """Pairs that may press on each other and are nearer than the second one's radius, sorted by the first.
 
         Args:
             places: Of the samples, shape (s, d).
-            reach: In radii of the second sample's kernel.
         """
-        both = cKDTree(places).query_pairs(reach * float(self.radius.max()), output_type="ndarray").astype(np.int64)
-        i, j = np.concatenate([both, both[:, ::-1]]).T
-        close = np.linalg.norm(places[i] - places[j], axis=1) < reach * self.radius[j]
+        i, j = self.within(places, float(self.radius.max()))
+        everywhere, count = self.of_all(places), len(places)
+        close = np.linalg.norm(places[i] - everywhere[j], axis=1) < self.radius[j % count]
         i, j = i[close], j[close]
         may = self.allowed(i, j)
         i, j = i[may], j[may]
         order = np.lexsort((j, i))
         return i[order], j[order]
+
+
+def mirror_images(normals: Sequence[npt.ArrayLike], dimension: int) -> Array:
+    """The images that mirror planes through the origin make of a slice, the slice itself first, shape (g, d, d)."""
+    mirrors = [np.eye(dimension) - 2 * np.outer(n, n) / np.dot(n, n) for n in map(np.asarray, normals)]
+    found = [np.eye(dimension)]
+    for image in found:  # grows as it goes
+        for mirror in mirrors:
+            new = mirror @ image
+            if len(found) < MOST_IMAGES and all(np.abs(new - known).max() > 1e-6 for known in found):
+                found.append(new)
+    return np.array(found)

@@ -12,17 +12,18 @@ from scipy import sparse
 from geometries.fields import field_of
 from geometries.kinds import Quantity, Words
 from softmodels.mechanics.assembled import AssembledTerm
+from softmodels.mechanics.body import in_section
 from softmodels.mechanics.contact import ONSET_PRESSURE, STIFFEST
 from softmodels.mechanics.face_nodes import FaceNodes, check_faces
 from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
 from softmodels.mechanics.walls.energy import Pressed
 from softmodels.mechanics.walls.gap import Penalty
-from softmodels.mechanics.walls.pairs import Pairs
+from softmodels.mechanics.walls.pairs import Pairs, mirror_images
 from softmodels.mechanics.walls.passing import passes
 from softmodels.mechanics.walls.surface import Array, Surface
 
-STIFFNESS = 3000.0
-"""Shear moduli of pressure per overlap of one size of the device; ten times that of a rigid plane, since walls are thin."""
+STIFFNESS = 2000.0
+"""Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, since walls are thin."""
 SOFTEST = 10.0
 SOON = 0.2
 """Gap in radii of the kernel below which nodes are coupled in the matrix's pattern before they touch."""
@@ -94,7 +95,11 @@ class WallTerm(AssembledTerm):
         super().__init__(nodes)
         self.part = part
         surface = Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside, body.axisymmetric)
-        self.pairs = Pairs(surface, np.ones((len(part.roles), len(part.roles)), dtype=np.bool_))
+        d = body.actuator.dimension
+        mirrors = [in_section(plane.normal, d) for plane in body.actuator.cut_planes]
+        mirrors += [np.array([1.0, 0.0])] if body.axisymmetric else []  # a section meets its other half at the axis
+        meets = np.ones((len(part.roles), len(part.roles)), dtype=np.bool_)
+        self.pairs = Pairs(surface, meets, mirror_images(mirrors, d))
         self.penalty = Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness)
         self.copies = body.actuator.copies
         self._pressed = Pressed(self.pairs, self.penalty, nodes.places)

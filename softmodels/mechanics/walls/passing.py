@@ -6,7 +6,6 @@ import itertools
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from softmodels.mechanics.walls.pairs import Pairs
 from softmodels.mechanics.walls.surface import Array
@@ -45,12 +44,11 @@ def passes(pairs: Pairs, before: Array, after: Array) -> bool:
 
 def _deeper(pairs: Pairs, shapes: list[Array], slack: float) -> bool:
     """Whether a point crosses the surface at `DEEPEST` behind a sample's own part of a wall between two near shapes."""
-    surface = pairs.surface
-    (a, b), (m, n) = ([surface.places(x) for x in shapes], [surface.areas(x) for x in shapes])
-    reach = slack + (DEEPEST + OWN) * float(pairs.radius.max())
-    both = cKDTree((a + b) / 2).query_pairs(reach, output_type="ndarray").astype(np.int64)
-    i, j = np.concatenate([both, both[:, ::-1]]).T
-    start, end, limit = a[i] - a[j], b[i] - b[j], -DEEPEST * pairs.radius[j]
+    surface, count = pairs.surface, len(pairs.surface.owner)
+    (a, b), (m, n) = ([surface.places(x) for x in shapes], [pairs.of_all(surface.areas(x)) for x in shapes])
+    i, j = pairs.within((a + b) / 2, slack + (DEEPEST + OWN) * float(pairs.radius.max()))
+    start, end = a[i] - pairs.of_all(a)[j], b[i] - pairs.of_all(b)[j]
+    limit = -DEEPEST * pairs.radius[j % count]
     above = [np.einsum("pi,pi->p", r, v[j]) / np.linalg.norm(v[j], axis=1) for r, v in ((start, m), (end, n))]
     crossed = (above[0] > limit) & (above[1] <= limit)
     i, j, start, end, limit = i[crossed], j[crossed], start[crossed], end[crossed], limit[crossed]
@@ -58,5 +56,5 @@ def _deeper(pairs: Pairs, shapes: list[Array], slack: float) -> bool:
     t = ((high - limit) / (high - low))[:, None]
     place = start + t * (end - start)
     aside = np.sqrt(np.maximum(np.einsum("pi,pi->p", place, place) - limit**2, 0.0))
-    own = aside < OWN * surface.edges[j]
+    own = aside < OWN * surface.edges[j % count]
     return bool(pairs.allowed(i[own], j[own]).any())
