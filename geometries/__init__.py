@@ -18,6 +18,8 @@ from measurement.ending import stoppable
 # While Python looks for the module that -m names, as python -m geometries, it is no library that is imported.
 with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullcontext():
     from geometries.actuator import Actuator, CutPlane, Hold
+    from geometries.balloon import Balloon
+    from geometries.bellows import Bellows
     from geometries.beam import Beam
     from geometries.bending_bellows import BendingBellows
     from geometries.cylinder import Cylinder
@@ -33,6 +35,8 @@ with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullconte
 __all__ = [
     "ACTUATORS",
     "Actuator",
+    "Balloon",
+    "Bellows",
     "Beam",
     "BendingBellows",
     "CutPlane",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from geometries.actuator import Actuator, CutPlane
 from geometries.errors import GeometryError
 from geometries.fields import angle_field, choice_field, number_field, shown
-from geometries.panels import Panel, Side, chained, outline, turned_volume
+from geometries.panels import Panel, Place, Side, chained, outline, turned_volume
 
 NARROWEST = 5.0
 """Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
@@ -86,6 +87,11 @@ class Revolved(Actuator):
     def profile(self) -> list[Side]:
         """The sides that a camera sees, from the axis at the top outwards."""
         return chained(side for side in self.sides if side.role in self.seen)
+
+    @property
+    def anchors(self) -> Mapping[str, Place]:
+        """Where single vertices that hold it are, as (radius, height) in m by role."""
+        return {}
 
     @property
     def dimension(self) -> int:

@@ -93,15 +93,8 @@ def build_section(device: Revolved) -> None:
             roles[side.role].append(tag)
     for role, tags in roles.items():
         _name(1, tags, role)
-    for hold in device.holds:
-        if hold.point:
-            _name(0, [drawing.points[_place_of(device, hold.role)]], hold.role)
-
-
-def _place_of(device: Revolved, role: str) -> Place:
-    """Where a single vertex that holds the device is: at the probe of its name."""
-    x, _, z = device.probes[role]
-    return (x, z)
+    for role, place in device.anchors.items():
+        _name(0, [drawing.points[place]], role)
 
 
 def build_wedge(device: Revolved) -> None:
@@ -130,6 +123,9 @@ def build_wedge(device: Revolved) -> None:
     for region, tags in volumes.items():
         _name(3, tags, region)
     _name_surfaces(device)
+    for role, (r, z) in device.anchors.items():
+        near = np.linalg.norm([_at(tag) - (r, 0.0, z) for _, tag in gmsh.model.getEntities(0)], axis=1)
+        _name(0, [gmsh.model.getEntities(0)[int(near.argmin())][1]], role)
     size = device.wedge_size
     gmsh.model.mesh.setSizeCallback(lambda *_: size)
 
@@ -175,7 +171,13 @@ def _corners(tag: int) -> np.ndarray:
     import gmsh
 
     found = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
-    return np.array([gmsh.model.getValue(0, point, []) for _, point in found])
+    return np.array([_at(point) for _, point in found])
+
+
+def _at(point: int) -> np.ndarray:
+    import gmsh
+
+    return np.array(gmsh.model.getValue(0, point, []))
 
 
 def _name(dimension: int, tags: list[int], role: str) -> None:

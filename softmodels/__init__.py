@@ -29,6 +29,8 @@ _PLACES = {
         "ImportedActuator",
         "ImportedMesh",
         "Membrane",
+        "Balloon",
+        "Bellows",
         "PneuNet",
         "GeometryError",
         "MeshFileError",
@@ -73,6 +75,8 @@ _NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
 __all__ = ["__version__", *_NAMES]
 
 if TYPE_CHECKING:
+    from geometries import Balloon as Balloon
+    from geometries import Bellows as Bellows
     from geometries import BendingBellows as BendingBellows
     from geometries import Cylinder as Cylinder
     from geometries import GeometryError as GeometryError

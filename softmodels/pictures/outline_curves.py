@@ -135,7 +135,7 @@ def profiles(
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--", label="rigid plane")
     axes.set(xlabel=f"distance from the {'axis' if axial else 'clamped base'} in mm", ylabel="height in mm")
-    axes.set_title("Outer surface of the membrane" if axial else "Outline in the middle, from the side")
+    axes.set_title("Outer surface, from the side" if axial else "Outline in the middle, from the side")
     axes.legend(title="water column", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
     return figure
 

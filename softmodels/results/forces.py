@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from softmodels.mechanics.body import in_section
 from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.reaction import held_force
 from softmodels.mechanics.system import State, System
@@ -43,7 +44,8 @@ def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
     if role is None:
         return {}
     # Held along the lift, so one row of the skew basis is the lift.
-    component = int(np.argmax(eq.body.skew @ np.asarray(eq.body.actuator.lift)))
+    along = in_section(eq.body.actuator.lift, eq.body.actuator.dimension)
+    component = int(np.argmax(eq.body.skew @ along))
     return {"blocked_force_N": held_force(eq, role, component) * _force_unit(eq)}
 
 
