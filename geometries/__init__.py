@@ -19,8 +19,8 @@ from measurement.ending import stoppable
 with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullcontext():
     from geometries.actuator import Actuator, CutPlane, Hold
     from geometries.balloon import Balloon
-    from geometries.bellows import Bellows
     from geometries.beam import Beam
+    from geometries.bellows import Bellows
     from geometries.bending_bellows import BendingBellows
     from geometries.cylinder import Cylinder
     from geometries.disk import HollowDisk
@@ -36,8 +36,8 @@ __all__ = [
     "ACTUATORS",
     "Actuator",
     "Balloon",
-    "Bellows",
     "Beam",
+    "Bellows",
     "BendingBellows",
     "CutPlane",
     "Cylinder",

@@ -45,7 +45,7 @@ class Membrane(Revolved):
     radius: float = length_field(0.020, "radius of the membrane between the clamps")
     thickness: float = length_field(0.001, "thickness of the membrane")
     clamp_width: float = length_field(
-        0.003, "width of the ring that is clamped, outside the radius; 0 holds the membrane's edge", zero=True
+        0.0, "width of the ring that is clamped, outside the radius; 0 holds the membrane's edge", zero=True
     )
     clamp: str = choice_field(
         "both", ("both", "below", "slip"), "both faces held in the clamp, the lower one alone (glued to the chamber), or both "
@@ -63,7 +63,7 @@ class Membrane(Revolved):
     )
     chamber_depth: float = length_field(0.010, "depth of the rigid chamber below the membrane", shape=False)
     cell_size: float = length_field(0.001, "edge length of the cells along the membrane", shape=False)
-    through: float = through_field()
+    through: float = through_field(4.0)
     section: str = section_field()
     angle: float = wedge_field()
 
@@ -73,7 +73,7 @@ class Membrane(Revolved):
     examples: ClassVar = (
         "--radius 30mm --thickness 0.5mm",
         "--plate-radius 8mm --plate-thickness 2mm",
-        "--clamp below --clamp-width 5mm",
+        "--clamp-width 5mm --clamp below",
         "--rings 8mm,10mm,13mm,15mm --ring-thickness 1mm",
     )
 

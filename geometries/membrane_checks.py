@@ -13,9 +13,6 @@ if TYPE_CHECKING:
 THINNEST = 1e-3
 """Smallest thickness in radii: thinner ones wrinkle and tear before they are clamped, and their cells become needles."""
 
-NEEDLE = 20.0
-"""Largest ratio of a cell's length to its width through the membrane."""
-
 DEEPEST = 20.0
 """Largest depth of the chamber, and thickness of plate and rings, in radii."""
 
@@ -46,11 +43,9 @@ def _check_membrane(membrane: Membrane) -> None:
             f"chamber_depth is {shown(membrane.chamber_depth, 'm')}; more than {DEEPEST:g} times radius, "
             f"{shown(radius, 'm')}, looks like a mistaken unit"
         )
-    longest = NEEDLE * thickness / max(membrane.through, 1.0)
-    if membrane.cell_size > min(longest, radius):
+    if membrane.cell_size > radius:
         raise GeometryError(
-            f"cell_size is {shown(membrane.cell_size, 'm')}; it must not pass {shown(min(longest, radius), 'm')}: "
-            f"{NEEDLE:g} times a cell's width through the membrane, and radius"
+            f"cell_size is {shown(membrane.cell_size, 'm')}; it must not pass radius, {shown(radius, 'm')}"
         )
 
 

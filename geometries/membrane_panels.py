@@ -9,6 +9,9 @@ from geometries.panels import Panel, Side, graded
 if TYPE_CHECKING:
     from geometries.membrane import Membrane
 
+NEEDLE = 20.0
+"""Largest ratio of a cell's length to its width through the membrane."""
+
 
 class Strip(NamedTuple):
     """A piece of the membrane between two radii, one panel wide.
@@ -48,7 +51,9 @@ def parts(membrane: Membrane) -> list[tuple[float, float, str, float]]:
 
 def strips(membrane: Membrane) -> list[Strip]:
     """The membrane cut at all radii where something begins or its cells change, from the axis outwards."""
-    first, largest = min(membrane.cell_size, membrane.thickness / membrane.through), membrane.cell_size
+    across = membrane.thickness / membrane.through
+    largest = min(membrane.cell_size, NEEDLE * across)
+    first = min(largest, across)
     found: list[Strip] = []
     for inner, outer, part, height in parts(membrane):
         pieces: list[tuple[float, int, float]]

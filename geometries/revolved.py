@@ -44,9 +44,9 @@ def wedge_field() -> Any:
     )
 
 
-def through_field() -> Any:
+def through_field(default: float = 2.0) -> Any:
     """Return a dataclass field for the cells through a wall."""
-    return number_field(2.0, "how many cells there are through the wall", shape=False)
+    return number_field(default, "how many cells there are through the wall", shape=False)
 
 
 class Revolved(Actuator):

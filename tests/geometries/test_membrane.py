@@ -13,8 +13,8 @@ from geometries.table import from_table, to_table
 RINGS = (0.011, 0.013, 0.015, 0.017)
 SECTIONS = {
     "default": Membrane(),
-    "thin, edge held": Membrane(thickness=0.1e-3, clamp_width=0.0),
-    "plate and rings as faces": Membrane(plate_radius=0.008, rings=RINGS),
+    "thin, in a clamp": Membrane(thickness=0.1e-3, clamp_width=0.003),
+    "plate and rings as faces": Membrane(plate_radius=0.008, rings=RINGS, clamp_width=0.002, clamp="slip"),
     "plate and rings of their own": Membrane(
         plate_radius=0.008, plate_thickness=0.002, rings=RINGS, ring_thickness=0.001
     ),
@@ -58,7 +58,13 @@ def test_a_plate_of_its_own_is_bonded_where_it_lies(meshed):
 
 def test_a_wedge_has_its_roles_and_volumes(meshed):
     membrane = Membrane(
-        section="wedge", thickness=0.004, plate_radius=0.008, plate_thickness=0.003, cell_size=0.002, through=1
+        section="wedge",
+        clamp_width=0.003,
+        thickness=0.004,
+        plate_radius=0.008,
+        plate_thickness=0.003,
+        cell_size=0.002,
+        through=1,
     )
     mesh = meshed(membrane)
     faces = {"cavity", "clamp", "rim", "plane0", "plane1", *membrane.faces}
@@ -85,7 +91,7 @@ WRONG = {
     r"rings\[1\] is 7 mm; it must be larger than plate_radius": {"plate_radius": 0.008, "rings": (0.007, 0.01)},
     r"rings\[2\] is 21 mm; it must be smaller than radius": {"rings": (0.01, 0.021)},
     "chamber_depth is 5 m": {"chamber_depth": 5.0},
-    "cell_size is 15 mm": {"cell_size": 0.015},
+    "cell_size is 25 mm": {"cell_size": 0.025},
     "through is 1.5": {"through": 1.5},
     "angle is 7 deg": {"section": "wedge", "angle": 7.0},
     "cells are expected": {"section": "wedge", "thickness": 0.1e-3, "angle": 360.0},
