@@ -63,7 +63,7 @@ class Membrane(Revolved):
     )
     chamber_depth: float = length_field(0.010, "depth of the rigid chamber below the membrane", shape=False)
     cell_size: float = length_field(0.001, "edge length of the cells along the membrane", shape=False)
-    through: float = through_field(4.0)
+    through: float = through_field()
     section: str = section_field()
     angle: float = wedge_field()
 
