@@ -105,6 +105,11 @@ class Membrane(Revolved):
         return ("top", *plate, *rings, *(("clamp_top",) if self.clamp_width else ()))
 
     @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        plate = ("plate",) if self.plate_radius and self.plate_thickness else ()
+        return (*plate, *(f"ring{k}" for k in range(1, len(self.ring_pairs) + 1) if self.ring_thickness))
+
+    @property
     def seen(self) -> tuple[str, ...]:  # type: ignore[override]
         return self.faces
 

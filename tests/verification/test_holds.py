@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import softmodels as sm
 from geometries import HollowDisk
 from softmodels.case.case import Case, CaseError
 from softmodels.case.region import Region
@@ -57,6 +58,18 @@ def test_a_device_held_otherwise(body_of, solved, figure):
     own, same, sliding = volumes
     figure("the disk's own hold", "the same as a clamp, added volume", same / own - 1, 1e-12)
     assert sliding > 1.0001 * own
+
+
+def test_pull_in(figure):
+    """A membrane's clamp without friction: the device's own, and a clamp that takes the place of the full hold."""
+    law = NeoHookean(30e3, 0.49)
+    own = sm.inflate(sm.Membrane(clamp="slip"), law, pressures="0,10 cm")
+    grip = sm.inflate(sm.Membrane(), law, pressures="0,10 cm", parts=[Clamp("clamp, clamp_top", along="z")])
+    held = sm.inflate(sm.Membrane(), law, pressures="0,10 cm")
+    figure(
+        "the membrane's own clamp without friction", "the same by [hold]: apex", grip.apex[-1] / own.apex[-1] - 1, 1e-9
+    )
+    assert grip.apex[-1] > 1.01 * held.apex[-1]
 
 
 def test_oblique_planes(body_of):

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+import softmodels as sm
 from softmodels.case.region import Region
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.body import Body
@@ -195,6 +196,20 @@ def test_ranks_and_restarts(layered, comm, tmp_path, figure):
     assert run.returncode == 0, run.stderr
     two = np.array(json.loads(run.stdout.strip().splitlines()[-1]))
     figure("one rank", "a sphere of two layers, on two ranks", (two - one) / np.maximum(np.abs(one), 1e-3), 1e-9)
+
+
+def test_a_stiff_ring_is_a_rigid_one(figure):
+    """A ring on a membrane, ten thousand times stiffer, against a rigid one bonded to the same face."""
+    law, radii = Yeoh(14e3, 60.0), (0.008, 0.010)
+    stiff = Region(NeoHookean(1e4 * law.shear_modulus_0, 0.45), name="ring1")
+    soft = sm.inflate(sm.Membrane(rings=radii, ring_thickness=0.001), law, pressures="0,20 cm", parts=[stiff])
+    rigid = sm.inflate(sm.Membrane(rings=radii), law, pressures="0,20 cm", parts=[sm.Rigid("ring1")])
+    assert soft.limit is rigid.limit is None
+    figure(
+        "rigid ring on a membrane at 20 cm", "ring 10,000 times stiffer: apex", soft.apex[-1] / rigid.apex[-1] - 1, 2e-3
+    )
+    volumes = soft.added_volume[-1] / rigid.added_volume[-1]
+    figure("rigid ring on a membrane at 20 cm", "ring 10,000 times stiffer: added volume", volumes - 1, 2e-3)
 
 
 def test_what_is_no_region(layered, body_of):
