@@ -85,8 +85,6 @@ class Cylinder(Actuator):
         """See `Actuator.faces`; a sheet around a device without a strip is bonded to all of the wall."""
         return ("outer", "strip", "side", "end") if self.stripped else ("outer", "side", "end")
 
-    regions: ClassVar[tuple[str, ...]] = ("wall", "cap")
-
     @property
     def stripped(self) -> bool:
         """Whether part of the outside is a strip."""
