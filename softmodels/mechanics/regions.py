@@ -10,7 +10,7 @@ import dataclasses
 import math
 import types
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from softmodels.materials.material import Material, MaterialError
 from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.region_space import numbered
+from softmodels.mechanics.rigid import Rigid
 
 if TYPE_CHECKING:
     import ufl
@@ -41,6 +42,12 @@ class RegionPart(Part):
         if self.name not in actuator.regions:
             known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
             raise PartError(f"{self.where}: {type(actuator).__name__} has no region {self.name!r}; {known}")
+
+
+class RigidRegion(RegionPart):
+    """A region that is rigid."""
+
+    table: ClassVar[str] = "rigid"
 
 
 def check_compressible(main: Material, parts: Sequence[Part], mixed: bool) -> None:
@@ -101,6 +108,10 @@ class Regions:
     def __init__(self, body: Body, material: Material, parts: Sequence[Part]):
         self._body, self._material = body, material
         self._parts = [part for part in parts if isinstance(part, RegionPart)]
+        named = {part.name for part in self._parts}
+        # Its p is its own and its strain is none, whatever it is of: see `rigid_nodes.still_pressures`.
+        rigid = [part for part in parts if isinstance(part, Rigid) and part.region and part.region not in named]
+        self._parts += [RigidRegion(material, name=part.region) for part in rigid]
         self.numbers: npt.NDArray[np.int32] | None = None
         if not self._parts:
             return

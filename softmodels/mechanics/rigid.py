@@ -32,25 +32,29 @@ STILL = 1e-9
 @register_part
 @dataclasses.dataclass(frozen=True)
 class Rigid(HeavyPart):
-    """A rigid part bonded to a face.
+    """A rigid part bonded to a face, or a region that is rigid.
 
     Attributes:
-        face: Role of the facets that it is bonded to, such as ``"top"``.
+        face: Role of the facets that it is bonded to, such as ``"top"``; empty for a region.
+        region: Physical group of cells that is rigid; empty for a face.
         kind: ``"free"`` in all motions that the device's symmetry allows, ``"guided"`` along a direction, or ``"held"``.
         direction: That direction in device coordinates; the device's lift if empty.
         mass: Of the part, of the whole device; it weighs where the case has gravity, in the middle of the undeformed face.
     """
 
-    face: str = field_of(Words(), "face of the device that the rigid part is bonded to, such as top")
+    face: str = field_of(Words(), "face of the device that the rigid part is bonded to, such as top", "")
     kind: str = field_of(Choice(KINDS), "whether it is free, guided along a direction, or held", "free")
     direction: tuple[float, ...] = field_of(
         Several(Quantity()), "direction along which it is guided, such as [0, 0, 1]; the device's lift if left out", ()
     )
 
     mass: float = field_of(Quantity("kg"), "mass of the rigid part, which gravity pulls at", 0.0)
+    region: str = field_of(Words(), "region of the device that is rigid, in place of a face", "")
 
     table: ClassVar[str] = "rigid"
-    needs: ClassVar[str] = "a rigid part needs the face it is bonded to, such as face = 'top' in [rigid.plate]"
+    needs: ClassVar[str] = (
+        "a rigid part needs the face it is bonded to, such as face = 'top' in [rigid.plate], or a region"
+    )
 
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         r"(\w+)_turn_([xyz])_deg": (
@@ -70,8 +74,10 @@ class Rigid(HeavyPart):
     }
 
     def check(self) -> None:
-        if not self.face:
-            raise PartError(self.needs)
+        if bool(self.face) == bool(self.region):
+            raise PartError(f"{self.where}: {self.needs}, and not both")
+        if self.region and self.mass:
+            raise PartError(f"{self.where}: a region weighs what its density says; leave its mass out")
         if self.direction and self.kind != "guided":
             raise PartError(f"{self.where}: a direction belongs to a guided part, and this one is {self.kind}")
         if self.direction and (len(self.direction) != 3 or not np.linalg.norm(self.direction) > 0):
@@ -86,7 +92,11 @@ class Rigid(HeavyPart):
         return [Weighed(on.mean(along, self.face), self.mass)] if self.mass else []
 
     def check_on(self, actuator: Actuator) -> None:
-        if self.face not in actuator.faces:
+        if self.region:
+            if self.region not in actuator.regions:
+                known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
+                raise PartError(f"{self.where}: {type(actuator).__name__} has no region {self.region!r}; {known}")
+        elif self.face not in actuator.faces:
             raise PartError(
                 f"{self.where}: {type(actuator).__name__} has no face {self.face!r} that a rigid part can be bonded to; it has "
                 f"{', '.join(actuator.faces) or 'none'}"

@@ -16,6 +16,7 @@ from softmodels.mechanics.rigid_motion import RigidMotion
 from softmodels.mechanics.unknowns import RigidUnknowns, Unknowns
 
 if TYPE_CHECKING:
+    import ufl
     from dolfinx import fem
 
 Array = npt.NDArray[np.float64]
@@ -41,13 +42,17 @@ class Nodes:
         self.dofs = every.astype(np.int32).reshape(-1, d)
 
     def on(self, body: Body, part: Rigid) -> npt.NDArray[np.int32]:
-        """The local nodes on a part's face.
+        """The local nodes on a part's face, or of its region.
 
         Raises:
             PartError: The mesh has no such face.
         """
         from dolfinx import fem
 
+        if part.region:
+            return np.asarray(
+                fem.locate_dofs_topological(self.vectors, body.mesh.topology.dim, body.regions[part.region])
+            )
         if part.face not in body.entities:
             raise PartError(f"{part.where}: the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
         dimension, found = body.entities[part.face]
@@ -98,16 +103,43 @@ def unknowns_of(
 
 
 def _centre(body: Body, part: Rigid) -> Array:
-    """Centre of a part's whole undeformed face, in sizes of the device: what lies beyond cut planes counts too."""
+    """Centre of a part's whole undeformed face or region, in sizes of the device: what lies beyond cut planes counts too."""
     import ufl
     from dolfinx import fem
 
     d = body.actuator.dimension
     if d == 2:
         return np.zeros(d)
-    area, X = body.sheet_face(part.face)[0], ufl.SpatialCoordinate(body.mesh)
+    area, X = _measure(body, part), ufl.SpatialCoordinate(body.mesh)
     one = fem.Constant(body.mesh, 1.0)
     size, *moments = (total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
     centre = np.array(moments) / size
     normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
     return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
+
+
+def _measure(body: Body, part: Rigid) -> ufl.Measure:
+    import ufl
+    from dolfinx import mesh as meshes
+
+    if part.face:
+        return body.sheet_face(part.face)[0]
+    cells = np.sort(body.regions[part.region])
+    tags = meshes.meshtags(body.mesh, body.mesh.topology.dim, cells, np.ones(len(cells), dtype=np.int32))
+    return ufl.Measure("dx", body.mesh, subdomain_data=tags)(1)
+
+
+def still_pressures(body: Body, space: fem.FunctionSpace, parts: Sequence[Part]) -> list[fem.DirichletBC]:
+    """Conditions that hold p in rigid regions, where nothing strains: a region has its own p, see `region_space`."""
+    from dolfinx import fem
+
+    regions = [part.region for part in parts if isinstance(part, Rigid) and part.region]
+    if not regions or space.dofmap.index_map_bs != 1:
+        return []
+    if missing := [name for name in regions if name not in body.regions]:
+        raise PartError(
+            f"[rigid]: the mesh has no cells named {missing[0]!r}; it has {', '.join(body.regions) or 'none'}"
+        )
+    rows = np.array(space.sub(1).dofmap.list)
+    dofs = np.unique(np.concatenate([rows[body.regions[name]].ravel() for name in regions])).astype(np.int32)
+    return [fem.dirichletbc(np.array(0.0), dofs, space.sub(1))]

@@ -28,7 +28,7 @@ from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.region_space import matrix_of
 from softmodels.mechanics.regions import check_compressible
-from softmodels.mechanics.rigid_nodes import unknowns_of
+from softmodels.mechanics.rigid_nodes import still_pressures, unknowns_of
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -76,6 +76,7 @@ class System(Assembly):
         w: The current state's unknowns; P and ``pressures`` go with it.
         K: Matrix with the pattern of the tangent.
         n: Number of owned dofs; ``dofs`` counts ghosts too.
+        still_pressures: Number of p that are held, in rigid regions.
         unknowns: What Newton's method solves for in place of w: vectors of K's size are of these.
         coupling: How the drivers are coupled: the cavities' pressures and volumes, then the dead loads and what they move.
         dead: The dead loads.
@@ -110,7 +111,9 @@ class System(Assembly):
         self.set_material(material)
         self.form = functools.partial(fem.form, jit_options=JIT)
         self._compile()
-        self.bcs = conditions(self.body, self.vectors)
+        still = still_pressures(self.body, self.space, parts)
+        self.still_pressures = round(total(self.comm, sum(bc.dof_indices()[1] for bc in still)))
+        self.bcs = [*conditions(self.body, self.vectors), *still]
         self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
         self._whole: PETSc.Mat = matrix_of(self.space, self._tangent[: len(self.potential.regions)])
         self.unknowns = unknowns_of(body, self.space, self.bcs, parts)

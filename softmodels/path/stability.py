@@ -87,7 +87,7 @@ class Stability:
         self.mass.assemble()
         self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]
-        self.constraints = entries_of(eq.space, 1) if eq.mixed else 0
+        self.constraints = entries_of(eq.space, 1) - eq.still_pressures if eq.mixed else 0
         self.start()
 
     @classmethod

@@ -11,6 +11,7 @@ import softmodels as sm
 from geometries import Actuator, CutPlane, Hold
 from geometries.fields import choice_field, length_field
 from softmodels.case.case import Case, CaseError
+from softmodels.case.region import Region
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.loads import Force
 from softmodels.mechanics.parts import PartError
@@ -313,3 +314,24 @@ def test_rotations():
     about = np.array([[0.0, 0.6, 0.8]])
     once = Turn(np.array([1.5]), about).matrix
     assert np.allclose(nearest((points @ once.T).T @ points, about), once)
+
+
+def test_a_rigid_ring_is_a_very_stiff_one(body_of, figure):
+    """A ring bonded on a membrane: rigid, against a region ten thousand times stiffer."""
+    device = sm.Membrane(
+        radius=0.02, thickness=0.001, clamp_width=0.0, rings=(0.008, 0.011), ring_thickness=0.001, cell_size=0.001
+    )
+    found = {}
+    for part in (Rigid(region="ring1", name="ring"), Region(sm.NeoHookean(28e7), name="ring1")):
+        solver = Solver(System(body_of(device), LAW, parts=[part]))
+        state = solver.system.rest()
+        for pressure in (0.01, 0.02, 0.03):
+            solver.factorise(state)
+            state = solver.solve(pressure_control(pressure), state.w, pressure)
+        solver.factorise(state)
+        stability = Stability.of(solver)
+        assert stability.negative_eigenvalues() == 0
+        found[type(part)] = state.V - solver.system.rest().V, stability.lowest()
+    off = np.array(found[Rigid]) / found[Region] - 1
+    figure("a ring ten thousand times stiffer", "volume that a membrane with a rigid ring has taken up", off[0], 0.005)
+    figure("a ring ten thousand times stiffer", "lowest eigenvalue of a membrane with a rigid ring", off[1], 0.02)
