@@ -25,6 +25,7 @@ from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.morphing import Reshaping
+from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.regions import MaterialRegion
 from softmodels.mechanics.solver import Solver, Tangent
 from softmodels.mechanics.system import State, System
@@ -64,12 +65,20 @@ class Sensitivity:
     Args:
         solver: The device.
         reshaping: Lengths of it that will be asked for; None for none.
+
+    Raises:
+        PartError: Lengths of a device whose walls press on each other.
     """
 
     def __init__(self, solver: Solver, reshaping: Reshaping | None = None):
         import ufl
 
         self.solver, eq = solver, solver.system
+        if reshaping is not None and reshaping.velocities and eq.assembled.slack:
+            raise PartError(
+                "derivatives by lengths do not know walls that press on each other ([walls]); leave the lengths as they are, "
+                "or the walls out"
+            )
         self._along = _Directions(eq)
         test = ufl.TestFunction(eq.space)
         self._material = [eq.form(ufl.derivative(energy, eq.w, test)) for energy in self._along.energies]
