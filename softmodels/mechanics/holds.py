@@ -63,7 +63,7 @@ class Clamp(Part):
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `PartError` where a device has no such face, or its mesh no such direction."""
-        known = [*actuator.faces, *actuator.regions, *(hold.role for hold in actuator.holds)]
+        known = list(dict.fromkeys([*actuator.faces, *actuator.regions, *(hold.role for hold in actuator.holds)]))
         for role in self.roles:
             if role not in known:
                 raise PartError(

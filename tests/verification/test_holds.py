@@ -63,9 +63,11 @@ def test_a_device_held_otherwise(body_of, solved, figure):
 def test_pull_in(figure):
     """A membrane's clamp without friction: the device's own, and a clamp that takes the place of the full hold."""
     law = NeoHookean(30e3, 0.49)
-    own = sm.inflate(sm.Membrane(clamp="slip"), law, pressures="0,10 cm")
-    grip = sm.inflate(sm.Membrane(), law, pressures="0,10 cm", parts=[Clamp("clamp, clamp_top", along="z")])
-    held = sm.inflate(sm.Membrane(), law, pressures="0,10 cm")
+    own = sm.inflate(sm.Membrane(clamp_width=0.003, clamp="slip"), law, pressures="0,10 cm")
+    grip = sm.inflate(
+        sm.Membrane(clamp_width=0.003), law, pressures="0,10 cm", parts=[Clamp("clamp, clamp_top", along="z")]
+    )
+    held = sm.inflate(sm.Membrane(clamp_width=0.003), law, pressures="0,10 cm")
     figure(
         "the membrane's own clamp without friction", "the same by [hold]: apex", grip.apex[-1] / own.apex[-1] - 1, 1e-9
     )
