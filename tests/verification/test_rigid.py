@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +31,7 @@ from softmodels.path.stages import hang
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.002)
 LAW = sm.NeoHookean(28e3)
 PLATE = Rigid("top", name="plate")
+PROGRAM = Path(__file__).with_name("rigid_on_ranks.py")
 FREE = "the same state's forces on all dofs"
 
 
@@ -335,3 +342,20 @@ def test_a_rigid_ring_is_a_very_stiff_one(body_of, figure):
     off = np.array(found[Rigid]) / found[Region] - 1
     figure("a ring ten thousand times stiffer", "volume that a membrane with a rigid ring has taken up", off[0], 0.005)
     figure("a ring ten thousand times stiffer", "lowest eigenvalue of a membrane with a rigid ring", off[1], 0.02)
+
+
+def test_two_ranks_find_what_one_does(tmp_path, figure):
+    mpiexec = shutil.which("mpiexec", path=str(Path(sys.executable).parent)) or shutil.which("mpiexec")
+    spec = importlib.util.spec_from_file_location("rigid_on_ranks", PROGRAM)
+    program = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(program)
+    meshes = [str(device.write(tmp_path / f"{device.name}.msh")) for device in (program.MEMBRANE, program.DISK)]
+    commands = ([sys.executable], [mpiexec, "-n", "2", sys.executable])
+    one, two = (
+        json.loads(
+            subprocess.run([*command, str(PROGRAM), *meshes], capture_output=True, check=True, timeout=600).stdout
+        )
+        for command in commands
+    )
+    for name, values in one.items():
+        figure("one rank", f"{name}, on two ranks", np.abs(np.subtract(values, two[name])).max(), 1e-9)
