@@ -68,7 +68,32 @@ def figures(
     found.update(bifurcation(Solver(System(Body.from_file(TWIN, twin, comm), Yeoh(10e3, 20.0, 3.0, 0.495)))))
     found["pair, one volume held and then changed"] = program(comm, pair)
     found["design, values and gradients"] = design(comm)
+    found["section under its weight and a force"] = loaded(comm, section)
     return found
+
+
+def loaded(comm, section: Path) -> list[float]:
+    """Volume, what the loads move, and signature of a disk that hangs under weights, is inflated and then pushed in."""
+    import numpy as np
+
+    from softmodels.materials.laws import NeoHookean
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.loads import Force, Gravity, Mass
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
+    from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.quantities import DIRECT
+    from softmodels.path.stages import hang, load_from
+
+    parts = (Gravity(direction="-z"), Mass(face="top", amount=0.02), Force(face="top", direction="-z", name="push"))
+    solver = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495), parts=parts))
+    system = solver.system
+    weight = np.concatenate([[0.0], system.dead.amounts / system.dead.units])
+    hung = hang(solver, [("its weight", weight), ("a pressure", weight + np.array([0.05, 0.0, 0.0]))])
+    path = Continuation(solver, DIRECT["force"], start=load_from(solver, hung, 2))
+    *_, last = trace(path, [0.3 / system.dead.units[1]])
+    system.load(last.state)
+    return [*hung.driven.tolist(), *system.driven().tolist(), last.signature.lowest, system.stored_energy()]
 
 
 def meeting(comm, wedge: Path) -> list[float]:

@@ -7,14 +7,14 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_bvp
 from scipy.optimize import brentq, minimize_scalar
 
-from geometries import Actuator, Hold, HollowDisk
+from geometries import Actuator, Beam, Hold, HollowDisk
 from geometries.fields import length_field, number_field
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.loads import Force, Gravity, Mass
+from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
@@ -24,6 +24,7 @@ from softmodels.path.points import PathEnd
 from softmodels.path.quantities import DIRECT
 from softmodels.path.schedule import Series, follow
 from softmodels.path.stages import HangingEnd, hang, inflate_from, load_from
+from softmodels.results.fields import Fields
 
 MU, DENSITY, ACCELERATION = 20e3, 1000.0, 1000.0
 """Of the hanging rod: so heavy that it stretches to more than its length at the top."""
@@ -265,6 +266,69 @@ def test_a_weight_on_a_disk(body_of, figure):
     figure(
         "weight first, then pressure", "volume and sag", np.array([other.driven, together.driven]) / wanted - 1, 1e-8
     )
+
+
+BEAM = Beam(length=0.060, width=0.006, thickness=0.003, cell_size=0.003, clamp="slip")
+STIFF = NeoHookean(60e3, 0.49)
+
+
+def elastica(weight, force):
+    """Place (x, z) of the tip of a geometrically exact beam, clamped level, under dead loads along -z.
+
+    Reissner's beam with the stretch of its axis and shear: its sections' forces are those of what lies beyond them.
+    """
+    young, area = 2 * STIFF.shear_modulus_0 * (1 + STIFF.poisson), BEAM.width * BEAM.thickness
+    inertia, sheared = area * BEAM.thickness**2 / 12, 5 / 6 * STIFF.shear_modulus_0 * area
+
+    def bent(share):
+        def rates(s, y):
+            hangs = -share * (force + weight * (1 - s / BEAM.length))
+            stretched, slid = hangs * np.sin(y[2]) / (young * area), hangs * np.cos(y[2]) / sheared
+            dx = (1 + stretched) * np.cos(y[2]) - slid * np.sin(y[2])
+            dz = (1 + stretched) * np.sin(y[2]) + slid * np.cos(y[2])
+            return np.vstack([dx, dz, y[3] / (young * inertia), -hangs * dx])
+
+        return rates
+
+    places = np.linspace(0.0, BEAM.length, 61)
+    found = np.vstack([places, np.zeros((3, 61))])
+    for share in (0.1, 0.3, 0.6, 1.0):
+        solution = solve_bvp(
+            bent(share), lambda a, b: np.array([a[0], a[1], a[2], b[3]]), places, found, tol=1e-8, max_nodes=20000
+        )
+        assert solution.success
+        places, found = solution.x, solution.y
+    return found[:2, -1]
+
+
+def test_a_cantilever_in_large_deflection(body_of, figure):
+    """Its weight first, then a force on its tip; and pure bending by a moment, on coarse cells, as thick as the beam."""
+    parts = (
+        GRAVITY_OF_A_BEAM,
+        Force(face="tip", direction="-z", name="tip"),
+        Moment(face="tip", axis="-y", name="end"),
+    )
+    solver = solver_of(body_of, BEAM, STIFF, *parts)
+    fields, weight = Fields(solver), float(solver.system.dead.amounts[0])
+    moment = 1.6 * 2 * STIFF.shear_modulus_0 * 1.49 * BEAM.width * BEAM.thickness**3 / 12 / BEAM.length
+    for name, loads in (("weight", {}), ("weight and a force", {"tip": 0.3 * weight})):
+        hung = hang(solver, [(name, magnitudes(solver, gravity=weight, **loads))], lambda text: None)
+        device = fields.figures(hung.state).device
+        wanted = elastica(weight, loads.get("tip", 0.0))
+        apart = np.array([device["tip_x_mm"], device["tip_z_mm"]]) * 1e-3 - wanted
+        figure(
+            "a geometrically exact beam", f"place of the tip by its {name}, in deflections", apart / -wanted[1], 5e-3
+        )
+        assert -wanted[1] > 0.75 * BEAM.length
+    hung = hang(solver, [("a moment", magnitudes(solver, end=moment))], lambda text: None)
+    device = fields.figures(hung.state).device
+    angle = brentq(lambda t: t - 1.6 * np.cos(t), 0.0, 1.5)  # the forces keep their direction: M cos t is left
+    wanted = BEAM.length / angle * np.array([np.sin(angle), 1 - np.cos(angle)])
+    apart = np.array([device["tip_x_mm"], device["tip_z_mm"]]) * 1e-3 - wanted
+    figure("an arc, by dead forces", "place of the tip by a moment, in deflections", apart / wanted[1], 1.5e-2)
+
+
+GRAVITY_OF_A_BEAM = Gravity(direction="-z", density=1000.0)
 
 
 def test_derivatives_with_a_weight(body_of, figure):
