@@ -109,8 +109,7 @@ class MeshedDesign:
 
     def _taken_over(self, before: MeshedDesign) -> bool:
         """Take the states of another mesh that shows the same device; whether they were found so."""
-        with Transfer(before.design, self.design) as transfer:
-            guess = before.states.known.transferred(transfer)
+        guess = before.states.known.transferred(Transfer(before.design, self.design))
         try:
             self.states.carry(guess)
         except (NoConvergence, DesignFailure):  # which may be the interpolation's fault
