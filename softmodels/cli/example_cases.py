@@ -101,6 +101,15 @@ pressure_cm = "0:40"
 face = "bottom"
 stiffness = "100 N/m"
 """,
+    "balloon.toml": """# a balloon on its neck, past its limit point
+name = "balloon"
+
+[geometry]
+device = "Balloon"
+
+[load]
+volume_ml = "0:40:10"
+""",
     "mypart.toml": f"""# a part from a STEP file; the second cavity under half the pressure
 name = "mypart"
 
