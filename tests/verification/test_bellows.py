@@ -28,7 +28,7 @@ def test_its_stored_energy_is_the_work_of_the_air(equilibrium, solved, figure):
     V, P = np.array([(point.state.V, point.state.P) for point in points]).T
     equations.system.load(points[-1].state)
     work = CubicSpline(V, P).integrate(V[0], V[-1])
-    figure("work of the pressure on a bellows", "stored energy", work / equations.system.stored_energy() - 1, 5e-3)
+    figure("work of the pressure on a bellows", "stored energy", work / equations.system.stored_energy() - 1, 1e-4)
 
 
 def test_its_blocked_force_is_its_stiffness_times_its_free_rise(equilibrium, solved, figure):

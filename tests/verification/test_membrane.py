@@ -81,8 +81,8 @@ def test_what_is_left_is_the_clamps_bending(apart, figure):
     """The difference goes with the thickness: in proportion taken down to none, nothing is left."""
     shares, _ = apart
     left = shares[THIN] - (shares[THICK] - shares[THIN]) * THIN / (THICK - THIN)
-    figure(EQUATIONS, "pressure at a volume, taken to no thickness", left[:, 0], 3e-3)
-    figure(EQUATIONS, "height at a volume, taken to no thickness", left[:, 1], 3e-3)
+    figure(EQUATIONS, "pressure at a volume, taken to no thickness", left[:, 0], 1e-3)
+    figure(EQUATIONS, "height at a volume, taken to no thickness", left[:, 1], 2e-3)
 
 
 def test_its_stored_energy_is_the_work_of_the_air(apart, figure):
