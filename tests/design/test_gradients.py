@@ -13,6 +13,7 @@ from softmodels.design import meshed_design
 from softmodels.design.evaluation import DesignFailure
 from softmodels.design.loads import Load
 from softmodels.design.model import DesignModel
+from softmodels.design.quantities.forces import BlockedForce, Stiffness
 from softmodels.design.quantities.limits import LimitPressure
 from softmodels.design.quantities.places import DeviceFigure, Rise
 from softmodels.design.quantities.volumes import AddedVolume
@@ -45,8 +46,17 @@ def test_wedges(designed, second_order, comm, name):
 def test_slabs(designed, second_order, comm, name):
     slab = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
     names = ("thickness", "offset", "end_bore", "manifold_bore", "length")
-    quantities = (Rise(at=6000.0), AddedVolume(at=6000.0), DeviceFigure(of="lift_angle_deg", at=6000.0))
+    quantities = (
+        Rise(at=6000.0), AddedVolume(at=6000.0), DeviceFigure(of="lift_angle_deg", at=6000.0), Stiffness(at=6000.0),
+    )  # fmt: skip
     second_order(designed(slab, names, quantities, comm), name, TAYLOR, "slab")
+
+
+@pytest.mark.parametrize("name", ["thickness", "offset"])
+def test_blocked_forces(designed, second_order, comm, name):
+    held = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006, tip="held")
+    model = designed(held, ("thickness", "offset"), (BlockedForce(at=6000.0),), comm)
+    second_order(model, name, TAYLOR, "blocked force of a slab")
 
 
 @pytest.mark.parametrize("name", ["c1", "c2", "poisson"])
