@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -34,8 +36,12 @@ def case_of(device):
 @pytest.fixture(scope="module")
 def shadow(comm):
     """Points on the outline of the known disk, on both sides, and the direction across it there."""
+    return outline_of(DISK, comm)
+
+
+def outline_of(disk, comm):
     names, asked = tuple(TRUTH), Outline(points=((0.0, 0.0),) * 3, at=AT)
-    model = DesignModel(case_of(DISK), names, (asked,), comm)
+    model = DesignModel(case_of(disk), names, (asked,), comm)
     model.evaluate(np.array(list(TRUTH.values())))
     measure, state = model.meshed.measures[asked], model.meshed.states.states[Load.of(AT)]
     measure.silhouette.follow()
@@ -70,6 +76,16 @@ def test_a_disk_from_its_outline_with_noise(shadow, figure):
     assert sum(inside) >= len(inside) - 3  # of 16, 0.8 are outside on average
     assert 0.4 < rms < 2.0
     assert "left at the end" in result.recovered.source
+
+
+def test_a_disk_from_the_outline_of_another_mesh(comm, figure):
+    """What made the target is a mesh with cells of half the size."""
+    target, _ = outline_of(dataclasses.replace(DISK, cell_size=0.002), comm)
+    asked = Outline(points=tuple(map(tuple, target)), at=AT)
+    result = optimise(DesignProblem(case_of(DISK), BOUNDS, follow=asked), confirm=False)
+    for name, truth in TRUTH.items():
+        apart = result.parameters[name] / truth - 1.0
+        figure(RECOVERED, f"{name} of a disk from the outline of a mesh with smaller cells, share", apart, 1e-2)
 
 
 def test_from_several_starts(shadow):
