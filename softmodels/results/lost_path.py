@@ -51,6 +51,13 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
             f"faces press on the contact's plane: try a --contact-stiffness below {case.obstacle.stiffness:g}, and smaller "
             "cells where they touch"
         )
+    for part in case.parts:
+        depth = figures.get(f"{part.label}_depth_mm")
+        if depth:
+            found.append(
+                f"faces press on {part.where} and have sunk {depth:.3g} mm into it: try another stiffness (with a larger one "
+                "they sink in less, a smaller one is followed more easily), and smaller cells where they touch"
+            )
     if case.sheet is not None:
         found.append(
             f"a sheet of {case.sheet.stiffness / 1e3:.4g} kN/m is bonded to {case.sheet.face}: see whether the run goes on "
