@@ -49,6 +49,9 @@ SETTINGS = {
 """Gmsh options of every mesh, by name."""
 
 
+DRAWN_IN = "Geometry.OCCTargetUnit"
+"""Gmsh's option with the unit of a drawing's numbers; empty for the kernel's own, mm."""
+
 LAST_WORDS = b"$EndElements"
 """How a complete mesh file ends."""
 
@@ -96,11 +99,12 @@ def private_model() -> Iterator[None]:
         with handlers_kept():
             gmsh.initialize(readConfigFiles=False, interruptible=False)
     previous = None if ours else gmsh.model.getCurrent()
-    before = {name: gmsh.option.getNumber(name) for name in SETTINGS}
+    before, unit = {name: gmsh.option.getNumber(name) for name in SETTINGS}, gmsh.option.getString(DRAWN_IN)
     fresh = f"softmodels-{os.getpid()}-{id(before)}"
     try:
         for name, value in SETTINGS.items():
             gmsh.option.setNumber(name, value)
+        gmsh.option.setString(DRAWN_IN, "")
         gmsh.model.add(fresh)
         yield
     finally:
@@ -113,6 +117,7 @@ def private_model() -> Iterator[None]:
             gmsh.model.setCurrent(previous)
             for name, value in before.items():
                 gmsh.option.setNumber(name, value)
+            gmsh.option.setString(DRAWN_IN, unit)
 
 
 def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = bool) -> Path:

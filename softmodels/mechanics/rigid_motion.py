@@ -8,12 +8,15 @@ amount of turning meets a singular parameter.
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from softmodels.mechanics.rotations import Turn, amounts, nearest
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]

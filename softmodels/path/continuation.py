@@ -123,7 +123,10 @@ class Continuation:
 
     def events(self, before: Point, after: Point) -> list[Point]:
         """Limit points and bifurcations between two neighbouring points, in order."""
-        return events(self.corrector, self.requested, before, after, self.report)
+        try:
+            return events(self.corrector, self.requested, before, after, self.report)
+        except NoConvergence as failure:
+            raise PathEnd(f"a limit point between two states was not found ({failure})") from failure
 
     # -- one step -----------------------------------------------------------------------------------------------------
 
@@ -153,11 +156,7 @@ class Continuation:
                     raise PathEnd(f"no step of any length succeeded ({failure})") from failure
 
     def _stepped(self, share: float, goal: float | None, step: float) -> Point:
-        """The point a ``share`` ahead, or at the requested value ``goal`` if given.
-
-        Raises:
-            NoConvergence: There is none on this branch.
-        """
+        """The point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
         last = self.last
         line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
         state = self.corrector.solve(line, self.trail.points)
@@ -248,16 +247,19 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
             step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
         try:
             after = path.advance(step, left[0])
+            stops = [*path.events(before, after), after]
         except PathEnd as end:
             raise passed.ended(str(end), path.requested) from end
-        yield from _up_to(path, before, after, left, passed)
+        yield from _up_to(path, before, stops, left, passed)
         left = left[1:] if left and after.requested else left
 
 
-def _up_to(path: Continuation, before: Point, after: Point, left: list[float], passed: PassedLimits) -> Iterator[Point]:
-    """Points between two neighbours, and the second one, in order; goals that are met are taken from ``left``."""
-    here = before
-    for stop in [*path.events(before, after), after]:
+def _up_to(
+    path: Continuation, before: Point, stops: list[Point], left: list[float], passed: PassedLimits
+) -> Iterator[Point]:
+    """Points from one up to its neighbour, the last stop, in order; goals that are met are taken from ``left``."""
+    here, after = before, stops[-1]
+    for stop in stops:
         if passed.jumping and passed.turn:
             level = path.value(passed.turn.state)
             if path.value(here.state) < level <= path.value(stop.state):
@@ -286,11 +288,7 @@ def _up_to(path: Continuation, before: Point, after: Point, left: list[float], p
 
 
 def _check_end(path: Continuation, passed: PassedLimits) -> None:
-    """End a path that has gone far enough past its limit point, or too far altogether.
-
-    Raises:
-        PathEnd: It has.
-    """
+    """Raise the `PathEnd` of a path that has gone far enough past its limit point, or too far altogether."""
     added = path.last.state.V - path.V0
     limit = passed.limit
     if limit is not None and path.ends_at_limit and added > (1 + PAST_LIMIT) * (limit.state.V - path.V0):

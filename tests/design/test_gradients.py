@@ -34,7 +34,7 @@ def test_sections(designed, thin_disk, of_all_kinds, second_order, comm, name):
     second_order(designed(thin_disk, LENGTHS, of_all_kinds, comm), name, TAYLOR, "section")
 
 
-@pytest.mark.parametrize("name", ["membrane", "cavity_radius", "profile[1]"])
+@pytest.mark.parametrize("name", ["membrane", "profile[1]"])
 def test_wedges(designed, second_order, comm, name):
     wedge = HollowDisk.variant("shadow", angle=15.0, azimuth=20.0, cell_size=0.006, profile=(1.0, 1.0))
     names = ("membrane", "cavity_radius", "profile[1]")

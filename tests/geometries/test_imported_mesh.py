@@ -94,7 +94,7 @@ def test_faces_and_regions_by_the_files_names(files, tmp_path):
                 groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
                 held.append(len(gmsh.model.mesh.getNodesForPhysicalGroup(*groups["support"])[0]))
         assert held[0] == held[1] > 10
-    assert "RIGHT" in groups and groups["RIGHT"][0] == 3
+    assert groups["right"][0] == 3
 
 
 def test_units_and_case_files(files):

@@ -71,7 +71,8 @@ def test_every_command_on_pages_parses_and_finds_its_files(written, monkeypatch)
 
 def _outputs(words):
     given = {after for word, after in itertools.pairwise(words) if word in ("-o", "--output")}
-    return given or ({"results/fit"} if words[:2] == ["softmodels", "fit"] else set())
+    made = {"results/fit"} if words[:2] == ["softmodels", "fit"] else set()
+    return given or (made | ({"results/disk"} if "softmodels.disk" in words else set()))
 
 
 def _check_files(words, folder, made):

@@ -252,7 +252,7 @@ CASE = 'name = "disk"\n[geometry]\ndevice = "HollowDisk"\nvariant = "shadow"\n'
         (CASE + '[mould]\nwall = "9 miles"\n', "wall"),
         (CASE + "[mould]\nx = 1\n", "unknown entry 'x'"),
         (CASE + '[mould]\nsilicone = "rubber"\n', "rubber"),
-        (CASE.replace("HollowDisk", "Balloon"), "Balloon"),
+        (CASE.replace("HollowDisk", "Kite"), "Kite"),
         ("mould = 3\n" + CASE, "must be a table"),
         ("", "geometry"),
         (None, "cannot be read"),
