@@ -153,7 +153,7 @@ class Continuation:
                     self.follow(AddedVolume.name)  # which passes a limit point, and so tells one from a failure
                     step, direct = self.last.step, False
                 elif step < shortest:
-                    raise PathEnd(f"no step of any length succeeded ({failure})") from failure
+                    raise PathEnd(f"no step succeeded, down to a thousandth of the first one ({failure})") from failure
 
     def _stepped(self, share: float, goal: float | None, step: float) -> Point:
         """The point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""

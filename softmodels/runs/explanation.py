@@ -28,7 +28,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         return (
             f"{asked} was not reached: {end}. The last state is at {last.pressure / case.cm:.4g} cm "
             f"({last.pressure:.4g} Pa), {device.gauge} rise {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
-            f"{last.max_stretch:.3g}. Steps down to a thousandth of the first were tried. "
+            f"{last.max_stretch:.3g}. "
             + advice(case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc)
         )
     at = fields.figures(end.limit.state)
@@ -74,10 +74,7 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
     if end.limit is None:
-        return (
-            f"{asked} was not reached: {end}. The last state has {place}, and {moved}. Steps down to a thousandth of the first "
-            f"were tried. {advice(case, at, petsc)}"
-        )
+        return f"{asked} was not reached: {end}. The last state has {place}, and {moved}. {advice(case, at, petsc)}"
     return (
         f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it a "
         f"cavity balloons. Stay below, take {case.actuator.stiffer} or a stiffer silicone, or give that cavity's added volume "
