@@ -31,7 +31,7 @@ from geometries.actuator import Hold, Vector
 from geometries.balloon_checks import check_balloon
 from geometries.balloon_panels import Meridian, balloon_panels
 from geometries.fields import choice_field, length_field
-from geometries.panels import Panel, Place, enclosed_volume
+from geometries.panels import Panel, Place
 from geometries.registry import register
 from geometries.revolved import Revolved, section_field, through_field, wedge_field
 
@@ -110,12 +110,11 @@ class Balloon(Revolved):
 
     @property
     def holds(self) -> tuple[Hold, ...]:
-        axis = (Hold("axis", (1.0, 0.0, 0.0)),) if self.dimension == 2 else ()
         if not self.neck_radius:
-            return (Hold("support", self.lift, point=True), *axis)
+            return (Hold("support", self.lift, point=True), *self.axis_holds)
         outside = (Hold("neck", None),) if self.held == "outside" else ()
         rod = (Hold("rod_end", None),) if self.rod_radius else ()
-        return (Hold("support", None), *outside, *rod, *axis)
+        return (Hold("support", None), *outside, *rod, *self.axis_holds)
 
     @property
     def anchors(self) -> Mapping[str, Place]:
@@ -126,10 +125,6 @@ class Balloon(Revolved):
         meridian = self.meridian
         c, (A, C), z = meridian.inner[1], meridian.outer, meridian.height
         return {"apex": (0.0, 0.0, z + C), "ceiling": (0.0, 0.0, z + c), "equator": (A, 0.0, z)}
-
-    @property
-    def cavity_volume(self) -> float:
-        return enclosed_volume(side for side in self.sides if side.role == "cavity")
 
     figure_texts: ClassVar = {
         "width_mm": ("width", "diameter of the outer surface at the undeformed equator, deformed")

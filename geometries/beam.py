@@ -10,10 +10,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.actuator import CutPlane, Hold, Vector
 from geometries.errors import GeometryError
 from geometries.fields import choice_field, length_field
-from geometries.mirroring import Mirror
+from geometries.halved import MirroredHalf
 from geometries.registry import register
 
 NEAR = 1e-9
@@ -24,7 +24,7 @@ GMSH_BOX = 1e-6
 
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Beam(Actuator):
+class Beam(MirroredHalf):
     """A beam of rectangular section with no cavity, along x, clamped at x = 0; z is up.
 
     Physical groups: volume "solid"; surfaces "support" (the clamped end), "tip" (the other end), "top", "bottom", "side", and
@@ -83,10 +83,6 @@ class Beam(Actuator):
         return {"quarter": 4, "half": 2, "full": 1}[self.part]
 
     @property
-    def fuller(self) -> str:
-        return "--part full"
-
-    @property
     def size(self) -> float:
         return self.thickness
 
@@ -94,10 +90,6 @@ class Beam(Actuator):
     def cut_planes(self) -> tuple[CutPlane, ...]:
         planes = (CutPlane("plane0", (0.0, -1.0, 0.0)), CutPlane("plane1", (0.0, 0.0, -1.0)))
         return planes[: {"quarter": 2, "half": 1, "full": 0}[self.part]]
-
-    @property
-    def mirrors(self) -> tuple[Mirror, ...]:
-        return (Mirror("plane0", 1, {}),) if self.part == "full" else ()
 
     @property
     def holds(self) -> tuple[Hold, ...]:

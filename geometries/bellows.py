@@ -33,14 +33,15 @@ from geometries.actuator import Hold, Vector
 from geometries.bellows_checks import check_bellows
 from geometries.bellows_panels import bellows_panels
 from geometries.fields import choice_field, length_field
-from geometries.panels import Panel, enclosed_volume
+from geometries.held_tip import HeldTip, tip_field
+from geometries.panels import Panel
 from geometries.registry import register
 from geometries.revolved import Revolved, section_field, through_field, wedge_field
 
 
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Bellows(Revolved):
+class Bellows(HeldTip, Revolved):
     """A round bellows between two plates, as an axisymmetric profile or a wedge.
 
     Lengths are in m, angles in degrees. Physical groups: solid "solid", faces "cavity", "outer" (the wall's outside),
@@ -54,9 +55,7 @@ class Bellows(Revolved):
     pitch: float = length_field(0.008, "height of a convolution")
     rounding: float = length_field(0.002, "radius of the roots' and crests' rounding, in the middle of the wall")
     cap: float = length_field(0.004, "thickness of the plates at both ends")
-    tip: str = choice_field(
-        "free", ("free", "held"), "upper plate free to move, or its top held along z (blocked force)"
-    )
+    tip: str = tip_field("upper plate", "its top")
     cell_size: float = length_field(0.0008, "edge length of the cells along the wall", shape=False)
     through: float = through_field()
     section: str = section_field()
@@ -94,26 +93,12 @@ class Bellows(Revolved):
 
     @property
     def holds(self) -> tuple[Hold, ...]:
-        axis = (Hold("axis", (1.0, 0.0, 0.0)),) if self.dimension == 2 else ()
-        tip = (Hold("tip", self.lift),) if self.tip == "held" else ()
-        return (Hold("support", None), *tip, *axis)
-
-    @property
-    def blocked(self) -> str | None:
-        return "tip" if self.tip == "held" else None
-
-    @property
-    def pushed(self) -> str | None:
-        return "tip" if self.tip == "free" else None
+        return (*super().holds, *self.axis_holds)
 
     @property
     def probes(self) -> Mapping[str, Vector]:
         crest = (self.outer_radius, 0.0, self.cap + (self.convolutions // 2 + 0.5) * self.pitch)
         return {"apex": (0.0, 0.0, self.height), "ceiling": (0.0, 0.0, self.height - self.cap), "crest": crest}
-
-    @property
-    def cavity_volume(self) -> float:
-        return enclosed_volume(side for side in self.sides if side.role == "cavity")
 
     figure_texts: ClassVar = {"width_mm": ("width", "diameter of the outside at a crest in the middle, deformed")}
 

@@ -24,17 +24,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries import bending_bellows_plan as plan
-from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.actuator import Vector
 from geometries.bending import Bending
 from geometries.bending_bellows_checks import check_bellows
 from geometries.fields import choice_field, length_field
-from geometries.mirroring import Mirror
+from geometries.halved import MirroredHalf, part_field
+from geometries.held_tip import HeldTip, tip_field
 from geometries.registry import register
 
 
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BendingBellows(Bending, Actuator):
+class BendingBellows(Bending, MirroredHalf, HeldTip):
     """Half-round folds on a flat base that bend towards the base.
 
     Lengths are in m. The middle of the base is z = 0, the clamp x = 0. Physical groups: volumes "solid" and "base" (the base
@@ -53,8 +54,8 @@ class BendingBellows(Bending, Actuator):
     cap: float = length_field(0.003, "solid between the air and the tip")
     least_wall: float = length_field(0.0003, "thinnest wall, and thinnest air inside a fold", shape=False)
     cell_size: float = length_field(0.003, "edge length of the cells; smaller ones in narrow folds", shape=False)
-    part: str = choice_field("half", ("half", "full"), "half up to the mirror plane, or the full bellows")
-    tip: str = choice_field("free", ("free", "held"), "tip free to move, or its face held along z (blocked force)")
+    part: str = part_field("bellows")
+    tip: str = tip_field()
 
     stem: ClassVar = "bending-bellows"
     pressures: ClassVar = "0:25"
@@ -73,29 +74,8 @@ class BendingBellows(Bending, Actuator):
         return plan.expected_cells(self)
 
     @property
-    def copies(self) -> int:
-        return 2 if self.part == "half" else 1
-
-    @property
-    def fuller(self) -> str:
-        return "--part full"
-
-    @property
     def size(self) -> float:
         return self.radius
-
-    @property
-    def cut_planes(self) -> tuple[CutPlane, ...]:
-        return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.part == "half" else ()
-
-    @property
-    def mirrors(self) -> tuple[Mirror, ...]:
-        return (Mirror("plane0", 1, {}),) if self.part == "full" else ()
-
-    @property
-    def holds(self) -> tuple[Hold, ...]:
-        held = (Hold("tip", self.lift),) if self.tip == "held" else ()
-        return (Hold("support", None), *held)
 
     @property
     def length(self) -> float:
@@ -106,14 +86,6 @@ class BendingBellows(Bending, Actuator):
     def probes(self) -> dict[str, Vector]:
         low, high = -0.5 * self.base, 0.5 * self.base + plan.crest(self)
         return {"tip": (self.length, 0.0, low), "tip_above": (self.length, 0.0, high)}
-
-    @property
-    def blocked(self) -> str | None:
-        return "tip" if self.tip == "held" else None
-
-    @property
-    def pushed(self) -> str | None:
-        return "tip" if self.tip == "free" else None
 
     @property
     def cavity_volume(self) -> float:

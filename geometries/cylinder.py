@@ -26,15 +26,16 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.actuator import Hold, Vector
 from geometries.cylinder_checks import check_cylinder, expected_cells
 from geometries.fields import angle_field, choice_field, length_field
+from geometries.halved import Halved
 from geometries.registry import register
 
 
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Cylinder(Actuator):
+class Cylinder(Halved):
     """A tube closed by a cap: straight as an axisymmetric section, bending as half of it, twisting as the whole.
 
     Lengths are in m, angles in degrees. Physical groups: cells "wall" (the straight tube) and "cap"; facets "cavity",
@@ -103,8 +104,8 @@ class Cylinder(Actuator):
         return expected_cells(self)
 
     @property
-    def copies(self) -> int:
-        return 2 if self.section == "half" else 1
+    def halved(self) -> bool:
+        return self.section == "half"
 
     @property
     def fuller(self) -> str:
@@ -128,10 +129,6 @@ class Cylinder(Actuator):
     def height(self) -> float:
         """Height of the end in m."""
         return self.length + self.cap
-
-    @property
-    def cut_planes(self) -> tuple[CutPlane, ...]:
-        return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.section == "half" else ()
 
     @property
     def holds(self) -> tuple[Hold, ...]:

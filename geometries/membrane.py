@@ -115,12 +115,11 @@ class Membrane(Revolved):
 
     @property
     def holds(self) -> tuple[Hold, ...]:
-        axis = (Hold("axis", (1.0, 0.0, 0.0)),) if self.dimension == 2 else ()
         if not self.clamp_width:
-            return (Hold("clamp", None), *axis)
+            return (Hold("clamp", None), *self.axis_holds)
         along = self.lift if self.clamp == "slip" else None
         above = () if self.clamp == "below" else (Hold("clamp_top", along),)
-        return (Hold("clamp", along), *above, *axis)
+        return (Hold("clamp", along), *above, *self.axis_holds)
 
     @property
     def apex(self) -> float:

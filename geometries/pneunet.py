@@ -28,9 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries import pneunet_plan as plan
-from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.actuator import Vector
 from geometries.bending import Bending
 from geometries.fields import choice_field, length_field, number_field
+from geometries.halved import MirroredHalf, part_field
+from geometries.held_tip import HeldTip, tip_field
 from geometries.mirroring import Mirror
 from geometries.parting import Parting
 from geometries.pneunet_checks import check_pneunet, walls
@@ -39,7 +41,7 @@ from geometries.registry import register
 
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PneuNet(Bending, Actuator):
+class PneuNet(Bending, MirroredHalf, HeldTip):
     """A finger of air chambers on a base that bends towards the base.
 
     Lengths are in m. The middle of the base is z = 0, the clamp x = 0. Physical groups: volumes "solid", "base" (the base
@@ -72,8 +74,8 @@ class PneuNet(Bending, Actuator):
     )
     least_wall: float = length_field(0.0003, "thinnest wall, gap and channel allowed", shape=False)
     cell_size: float = length_field(0.003, "edge length of the cells", shape=False)
-    part: str = choice_field("half", ("half", "full"), "half up to the mirror plane, or the full finger")
-    tip: str = choice_field("free", ("free", "held"), "tip free to move, or its face held along z (blocked force)")
+    part: str = part_field("finger")
+    tip: str = tip_field()
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "default": {},
@@ -106,20 +108,8 @@ class PneuNet(Bending, Actuator):
         return plan.expected_cells(self)
 
     @property
-    def copies(self) -> int:
-        return 2 if self.part == "half" else 1
-
-    @property
-    def fuller(self) -> str:
-        return "--part full"
-
-    @property
     def size(self) -> float:
         return self.chamber_height
-
-    @property
-    def cut_planes(self) -> tuple[CutPlane, ...]:
-        return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.part == "half" else ()
 
     @property
     def mirrors(self) -> tuple[Mirror, ...]:
@@ -127,12 +117,7 @@ class PneuNet(Bending, Actuator):
 
         # Mirrored cells, not only shapes: nothing of the mesh then bends what symmetry keeps straight.
         below = (Mirror(CENTRAL, 2, {"top": "bottom", "cavity": "cavity2"}),) if self.sides == 2 else ()
-        return (*below, Mirror("plane0", 1, {})) if self.part == "full" else below
-
-    @property
-    def holds(self) -> tuple[Hold, ...]:
-        held = (Hold("tip", self.lift),) if self.tip == "held" else ()
-        return (Hold("support", None), *held)
+        return (*below, *super().mirrors)
 
     @property
     def length(self) -> float:
@@ -148,14 +133,6 @@ class PneuNet(Bending, Actuator):
     def probes(self) -> dict[str, Vector]:
         low = -plan.top(self) if self.sides == 2 else -0.5 * self.base
         return {"tip": (self.length, 0.0, low), "tip_above": (self.length, 0.0, self.height)}
-
-    @property
-    def blocked(self) -> str | None:
-        return "tip" if self.tip == "held" else None
-
-    @property
-    def pushed(self) -> str | None:
-        return "tip" if self.tip == "free" else None
 
     @property
     def ratios(self) -> tuple[float, ...]:

@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane
+from geometries.actuator import Actuator, CutPlane, Hold
 from geometries.errors import GeometryError
 from geometries.fields import angle_field, choice_field, number_field, shown
-from geometries.panels import Panel, Place, Side, chained, outline, turned_volume
+from geometries.panels import Panel, Place, Side, chained, enclosed_volume, outline, turned_volume
 
 NARROWEST = 5.0
 """Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
@@ -113,6 +113,11 @@ class Revolved(Actuator):
         return (CutPlane("plane0", (0.0, -1.0, 0.0)), CutPlane("plane1", (-math.sin(turn), math.cos(turn), 0.0)))
 
     @property
+    def axis_holds(self) -> tuple[Hold, ...]:
+        """Among `holds`: the axis of a section, from which nothing can move away; empty for a wedge."""
+        return (Hold("axis", (1.0, 0.0, 0.0)),) if self.dimension == 2 else ()
+
+    @property
     def wedge_size(self) -> float:
         """Edge length in m of a wedge's cells."""
         return min(self.cell_size, self.thinnest / round(self.through))
@@ -122,6 +127,10 @@ class Revolved(Actuator):
         if self.dimension == 3:
             return self.solid_volume / self.copies / (TETRAHEDRON * self.wedge_size**3)
         return sum(2.0 * panel.sides[0].cells * panel.sides[1].cells for panel in self.panels)
+
+    @property
+    def cavity_volume(self) -> float:
+        return enclosed_volume(side for side in self.sides if side.role == "cavity")
 
     @property
     def solid_volume(self) -> float:

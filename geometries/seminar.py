@@ -30,8 +30,10 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.actuator import Vector
 from geometries.fields import angle_field, angles_field, choice_field, length_field, lengths_field, number_field
+from geometries.halved import MirroredHalf, part_field
+from geometries.held_tip import HeldTip, tip_field
 from geometries.mirroring import Mirror
 from geometries.parting import Parting
 from geometries.registry import register
@@ -42,7 +44,7 @@ from geometries.seminar_plan import outline_area
 
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class SeminarActuator(Actuator):
+class SeminarActuator(MirroredHalf, HeldTip):
     """A triangular slab with a network of air channels that bends out of its plane.
 
     Lengths are in m, angles in degrees. The slab lies between z = -thickness/2 and thickness/2. Physical groups: volume
@@ -90,8 +92,8 @@ class SeminarActuator(Actuator):
     cell_size: float = length_field(0.005, "edge length of the cells far from the channels", shape=False)
     around: float = number_field(10.0, "cells around a channel's section", shape=False)
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
-    part: str = choice_field("half", ("half", "full"), "half up to the mirror plane, or the full slab")
-    tip: str = choice_field("free", ("free", "held"), "tip free to move, or its rounding held along z (blocked force)")
+    part: str = part_field("slab")
+    tip: str = tip_field(held="its rounding")
 
     stem: ClassVar = "seminar"
     pressures: ClassVar = "0:177"
@@ -117,20 +119,8 @@ class SeminarActuator(Actuator):
         return expected_cells(self)
 
     @property
-    def copies(self) -> int:
-        return 2 if self.part == "half" else 1
-
-    @property
-    def fuller(self) -> str:
-        return "--part full"
-
-    @property
     def size(self) -> float:
         return self.thickness
-
-    @property
-    def cut_planes(self) -> tuple[CutPlane, ...]:
-        return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.part == "half" else ()
 
     @property
     def level(self) -> bool:
@@ -141,12 +131,7 @@ class SeminarActuator(Actuator):
     def mirrors(self) -> tuple[Mirror, ...]:
         # Mirrored cells, not only shapes: nothing of the mesh then bends what symmetry keeps straight.
         level = (Mirror("middle", 2, {"top": "bottom"}),) if self.level else ()
-        return (*level, Mirror("plane0", 1, {})) if self.part == "full" else level
-
-    @property
-    def holds(self) -> tuple[Hold, ...]:
-        held = (Hold("tip", self.lift),) if self.tip == "held" else ()
-        return (Hold("support", None), *held)
+        return (*level, *super().mirrors)
 
     @property
     def probes(self) -> dict[str, Vector]:
@@ -154,12 +139,8 @@ class SeminarActuator(Actuator):
         return {"tip": (self.length, 0.0, half), "tip_below": (self.length, 0.0, -half)}
 
     @property
-    def blocked(self) -> str | None:
-        return "tip" if self.tip == "held" else None
-
-    @property
     def pushed(self) -> str | None:
-        return "tip" if self.tip == "free" and self.tip_radius > 0.0 else None
+        return super().pushed if self.tip_radius > 0.0 else None
 
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "tip_x_mm": ("tip place x", "x of the middle of the tip's edge, deformed, from the clamped base"),
