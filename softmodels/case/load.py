@@ -9,7 +9,6 @@ from measurement.units import pascal_per_cm
 from softmodels.case.errors import CaseError
 from softmodels.case.load_request import WORDS, LoadRequest
 from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.loads import Force, Moment
 from softmodels.mechanics.parts import Part
 from softmodels.path import schedule as programs
 from softmodels.path.air_supply import AirSupply
@@ -178,7 +177,7 @@ class Load:
             raise CaseError(
                 f"at_pressure_cm: {type(actuator).__name__} has no cavity to put a pressure in; leave it out"
             )
-        if isinstance(load, Force | Moment) and load.amount:
+        if load.kept:
             raise CaseError(
                 f"{load.where} has an amount that is kept, and {WORDS[driven.key]} of it are requested; leave one of them out"
             )
@@ -198,7 +197,7 @@ class Load:
                     f"loads it has are {', '.join(known) or 'none'}"
                 )
             load = known.get(series.target)
-            if isinstance(load, Force | Moment) and load.amount:
+            if load is not None and load.kept:
                 raise CaseError(
                     f"{load.where} has an amount that is kept, and a series in [load]; leave one of them out"
                 )

@@ -75,11 +75,8 @@ class LoadRequest:
     def column(self, load: LoadPart) -> str:
         """Column of ``path.csv`` with the requested values."""
         if self.key == "share":
-            return SHARE_COLUMN
+            return load.share_column
         return load.travel_column if self.held else load.column
-
-
-SHARE_COLUMN = "weight_share"
 
 
 class LoadRequestEntry(Entry[LoadRequest | None]):

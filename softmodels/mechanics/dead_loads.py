@@ -52,31 +52,43 @@ class LoadPart(Part):
     Attributes:
         arm: Power of the device's size that makes its magnitude from shear moduli: 2 of a force in N, 3 of a moment in N m.
             What it works on has the power 3 - ``arm``: m, or rad.
-        column_unit, moved_column_unit: SI units in one of its columns' units.
+        columns: Columns of ``path.csv``: its magnitude; what it works on, from the undeformed state; the same from where the
+            path begins. A load's own name stands before the unit.
+        column_unit, moved_column_unit: SI units in one of the first column's units, and in one of the others'.
+        share_column: Column with the applied share of its magnitude; none if empty.
     """
 
     arm: ClassVar[int] = 2
     column_unit: ClassVar[float] = 1.0
     moved_column_unit: ClassVar[float] = 1e-3
 
+    columns: ClassVar[tuple[str, str, str]]
+    share_column: ClassVar[str] = ""
+
     @property
-    @abc.abstractmethod
     def column(self) -> str:
         """Column of ``path.csv`` with its magnitude, in units of ``column_unit``."""
+        return self._named(self.columns[0])
 
     @property
-    @abc.abstractmethod
     def moved_column(self) -> str:
         """Column with what it works on from the undeformed state, in units of ``moved_column_unit``."""
+        return self._named(self.columns[1])
 
     @property
-    @abc.abstractmethod
     def travel_column(self) -> str:
         """Column with the same from where the path begins."""
+        return self._named(self.columns[2])
 
-    def _named(self, what: str, unit: str) -> str:
+    def _named(self, column: str) -> str:
         """A column's name with the load's own in it, if it has one."""
-        return f"{what}_{self.name}_{unit}" if self.name else f"{what}_{unit}"
+        what, _, unit = column.rpartition("_")
+        return f"{what}_{self.name}_{unit}" if self.name else column
+
+    @property
+    def kept(self) -> bool:
+        """Whether the part itself says how large it is, so that no other magnitude can be requested."""
+        return False
 
     @property
     def key(self) -> str:
@@ -247,8 +259,8 @@ class DeadLoads:
             if self.origins is not None:
                 way -= self.origins[len(self.system.body.actuator.ratios) + place] * self.moved_units[place]
                 found[load.travel_column] = float(way) / load.moved_column_unit
-            if load.table == "gravity":
-                found["weight_share"] = float(magnitude) / self.amounts[place]
+            if load.share_column:
+                found[load.share_column] = float(magnitude) / self.amounts[place]
         return {**found, LOADS_ENERGY: -float(magnitudes @ moved) * 1e3} if found else found
 
     def index(self, key: str) -> int:

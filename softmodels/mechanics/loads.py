@@ -30,9 +30,51 @@ HEAVIEST = 25e3
 """Density in kg/m3 above which a unit is mistaken: no metal is denser."""
 
 
+class DirectedLoad(LoadPart):
+    """A load with a fixed direction.
+
+    Attributes:
+        direction_field: Name of its field with the direction, as `softmodels.mechanics.load_directions.direction` reads it.
+    """
+
+    direction_field: ClassVar[str] = "direction"
+
+    @property
+    def vector(self) -> Vector:
+        """Unit vector of the direction, in device coordinates."""
+        return direction(getattr(self, self.direction_field), self.where)
+
+    def check(self) -> None:
+        direction(getattr(self, self.direction_field), self.where)
+
+    def check_on(self, actuator: Actuator) -> None:
+        check_direction(self.vector, actuator, self.where)
+
+
+class FaceLoad(DirectedLoad):
+    """A load on a face; a kind is a dataclass of it with the fields below and one for its direction.
+
+    Attributes:
+        face: Role of the facets.
+        amount: Its size on the whole device in SI units; 0 where a request or a program says it.
+    """
+
+    face: str
+    amount: float
+
+    @property
+    def kept(self) -> bool:
+        return self.amount != 0.0
+
+    def check(self) -> None:
+        super().check()
+        if self.amount:
+            check_finite(self.amount, self.where, "amount")
+
+
 @register_part
 @dataclasses.dataclass(frozen=True)
-class Gravity(LoadPart):
+class Gravity(DirectedLoad):
     """The device's own weight, and that of all that hangs on it.
 
     Attributes:
@@ -58,24 +100,19 @@ class Gravity(LoadPart):
             "potential energy of weights and forces as they are now: less by their work on the way from the undeformed state",
         ),
     }
-    column: ClassVar[str] = "weight_N"  # type: ignore[assignment]
-    moved_column: ClassVar[str] = "sag_mm"  # type: ignore[assignment]
-    travel_column: ClassVar[str] = "sag_travel_mm"  # type: ignore[assignment]
+    columns: ClassVar = ("weight_N", "sag_mm", "sag_travel_mm")
+    share_column: ClassVar[str] = "weight_share"
 
     def check(self) -> None:
-        direction(self.direction, self.where)
+        super().check()
         check_finite(self.magnitude, self.where, "magnitude")
         if not 0.0 <= self.density <= HEAVIEST:
             raise PartError(
                 f"{self.where}: a density of {self.density:g} kg/m^3 is no solid's; silicones have 1030 to 1130"
             )
 
-    @property
-    def vector(self) -> Vector:
-        return direction(self.direction, self.where)
-
-    def check_on(self, actuator: Actuator) -> None:
-        check_direction(self.vector, actuator, self.where)
+    def _named(self, column: str) -> str:
+        return column  # a device has one gravity
 
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         body = on.body
@@ -119,7 +156,7 @@ class Mass(HeavyPart):
 
 @register_part
 @dataclasses.dataclass(frozen=True)
-class Force(LoadPart):
+class Force(FaceLoad):
     """A force of fixed direction, spread evenly over an undeformed face.
 
     Attributes:
@@ -135,6 +172,7 @@ class Force(LoadPart):
     table: ClassVar[str] = "force"
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'a force needs its face and its direction (face = "tip", direction = "-z")'
+    columns: ClassVar = ("force_N", "moved_mm", "travel_mm")
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "force_N": ("force", "on the whole device, spread over its undeformed face"),
         r"force_(\w+)_N": ("force {0}", "on the whole device, spread over its undeformed face"),
@@ -148,30 +186,6 @@ class Force(LoadPart):
         r"travel_(\w+)_mm": ("travel along force {0}", "displacement of the loaded face from where the path begins"),
     }  # fmt: skip
 
-    @property
-    def column(self) -> str:
-        return self._named("force", "N")
-
-    @property
-    def moved_column(self) -> str:
-        return self._named("moved", "mm")
-
-    @property
-    def travel_column(self) -> str:
-        return self._named("travel", "mm")
-
-    def check(self) -> None:
-        direction(self.direction, self.where)
-        if self.amount:
-            check_finite(self.amount, self.where, "amount")
-
-    @property
-    def vector(self) -> Vector:
-        return direction(self.direction, self.where)
-
-    def check_on(self, actuator: Actuator) -> None:
-        check_direction(self.vector, actuator, self.where)
-
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         with _on_face(self):
             return Weighed(on.mean(in_section(self.vector, on.body.actuator.dimension), self.face), self.amount)
@@ -179,7 +193,7 @@ class Force(LoadPart):
 
 @register_part
 @dataclasses.dataclass(frozen=True)
-class Moment(LoadPart):
+class Moment(FaceLoad):
     """A moment of dead forces on a face: they rise linearly with the distance from its centre and have no resultant.
 
     On the undeformed face the force per area at X is M n x (X - c) / I, with c the centre and I the integral of
@@ -199,7 +213,9 @@ class Moment(LoadPart):
     table: ClassVar[str] = "moment"
     optional: ClassVar[bool] = True
     arm: ClassVar[int] = 3
+    direction_field: ClassVar[str] = "axis"
     needs: ClassVar[str] = 'a moment needs its face and its axis (face = "tip", axis = "y")'
+    columns: ClassVar = ("moment_Nmm", "turned_deg", "turn_deg")
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "moment_Nmm": ("moment", "of dead forces on the whole device that rise linearly over its undeformed face"),
         r"moment_(\w+)_Nmm": (
@@ -216,27 +232,6 @@ class Moment(LoadPart):
     }  # fmt: skip
     column_unit: ClassVar[float] = 1e-3
     moved_column_unit: ClassVar[float] = math.pi / 180
-
-    @property
-    def column(self) -> str:
-        return self._named("moment", "Nmm")
-
-    @property
-    def moved_column(self) -> str:
-        return self._named("turned", "deg")
-
-    @property
-    def travel_column(self) -> str:
-        return self._named("turn", "deg")
-
-    def check(self) -> None:
-        direction(self.axis, self.where)
-        if self.amount:
-            check_finite(self.amount, self.where, "amount")
-
-    @property
-    def vector(self) -> Vector:
-        return direction(self.axis, self.where)
 
     def check_on(self, actuator: Actuator) -> None:
         if actuator.dimension == 2:
