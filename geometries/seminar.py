@@ -56,7 +56,7 @@ class SeminarActuator(MirroredHalf, HeldTip):
     base_width: float = length_field(0.060, "width at the base")
     thickness: float = length_field(0.008, "thickness of the slab")
     tip_radius: float = length_field(0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True)
-    channels: int = choice_field(5, tuple(range(1, 13)), "number of channels")
+    channels: int = choice_field(5, tuple(range(1, 31)), "number of channels")
     spread: float = angle_field(
         100.0, "angle between the outermost channels, which is that of the manifold's arc", instead="angles"
     )

@@ -167,6 +167,8 @@ class Solver:
         self.system.load(state)
         self.kept.set_columns()
         self.bordered.control = control
+        if self.bordered.factorisations == 0:  # the guess was the state: Newton's method made no step
+            self.kept.make(state)
         self.bordered.refresh()
 
     def linear_response(self, force: Array | float, gap: float, tolerance: float) -> Tangent:
