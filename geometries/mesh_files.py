@@ -21,12 +21,15 @@ SECTIONS = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 """Sections of a mesh file, in order; each ends with its name after "End"."""
 
 
-def load_mesh(path: str | Path, dimension: int | None = None) -> None:
+def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int, int, str]]:
     """Read a mesh file into the current Gmsh model (see `geometries.meshing.private_model`).
 
     Args:
         path: A file made by `Actuator.write`.
         dimension: 2 for an axisymmetric mesh, 3 for a solid one; any if not given.
+
+    Returns:
+        Dimension, tag and name of its physical groups; a region and the face of it may bear one name.
 
     Raises:
         FileNotFoundError: No such file.
@@ -47,6 +50,7 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> None:
             raise MeshFileError(f"{path} is a broken mesh file ({str(error).strip() or 'no reason given'})") from None
     if dimension not in (None, found := gmsh.model.getDimension()):
         raise MeshFileError(f"{path} is the mesh of another device: its cells have {found} dimensions, not {dimension}")
+    return [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
 
 
 def _check(path: Path, content: bytes) -> None:

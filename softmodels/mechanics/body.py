@@ -87,19 +87,18 @@ class Body:
         mend_cache(comm)
         with private_model() if is_root(comm) else contextlib.nullcontext():
             # What is wrong with a file is an error on all ranks, not a hang.
-            on_root(comm, lambda: load_mesh(path, actuator.dimension))
+            groups = on_root(comm, lambda: load_mesh(path, actuator.dimension))
             with compiling():
                 data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim
         by_dimension = {tdim - 1: data.facet_tags, tdim - 2: data.ridge_tags, tdim - 3: data.peak_tags}
         entities, regions = {}, {}
-        for name, group in data.physical_groups.items():
-            if group.dim == tdim:
-                regions[name] = data.cell_tags.find(group.tag)
-                continue
-            found = by_dimension[group.dim]
-            entities[name] = (group.dim, found.find(group.tag))
+        for dimension, tag, name in groups:
+            if dimension == tdim:
+                regions[name] = data.cell_tags.find(tag)
+            else:
+                entities[name] = (dimension, by_dimension[dimension].find(tag))
         names = ["cavity", *(f"cavity{i + 1}" for i in range(1, len(actuator.ratios)))][: len(actuator.ratios)]
         if names and "cavity" not in entities:
             raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named 'cavity' to put a pressure on")

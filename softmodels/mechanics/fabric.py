@@ -22,7 +22,7 @@ from geometries.kinds import Flag, Quantity, Words
 from softmodels.mechanics.directions import Helix, check_axis, check_direction
 from softmodels.mechanics.fibres import STIFFNESSES, taut
 from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
-from softmodels.mechanics.strain_term import Place, StrainTerm, change_along, check_faces, names_in, places
+from softmodels.mechanics.strain_term import NOWHERE, Place, StrainTerm, change_along, check_faces, faces, names_in
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -94,12 +94,12 @@ class FabricTerm(StrainTerm):
         from dolfinx import fem
 
         mesh = setting.body.mesh
-        self.label, self._slack = part.label, part.slack
+        self.label, self._slack, self._called = part.label, part.slack, part.where
         self._size = setting.body.actuator.size
         self._helix = Helix(mesh, part.axis, part.angle)
         self._k: fem.Constant = fem.Constant(mesh, np.zeros(4))
         self.take(part)
-        super().__init__(setting, places(setting.body, names_in(part.on)), self._changes, self._energy)
+        super().__init__(setting, faces(setting.body, names_in(part.on)), self._changes, self._energy)
 
     def take(self, part: Fabric) -> None:
         """Take other stiffnesses, another angle and axis; nothing is compiled again."""
@@ -119,7 +119,7 @@ class FabricTerm(StrainTerm):
         assert place.normal is not None
         along = self._helix.field(self.setting.body, place.normal)
         across = ufl.cross(place.normal, along)
-        shear = ufl.dot(ufl.dot(F, along), ufl.dot(F, across)) / ufl.dot(along, along)
+        shear = ufl.dot(ufl.dot(F, along), ufl.dot(F, across)) / (ufl.dot(along, along) + NOWHERE)
         return ufl.as_vector([change_along(F, along), change_along(F, across), shear])
 
     def _energy(self, x: Expr) -> Expr:
@@ -129,9 +129,11 @@ class FabricTerm(StrainTerm):
         return self.setting.per_pascal * (pulled + k[3] * x[2] ** 2 / 2)
 
     def compile(self, equations: Equations) -> None:
-        """Compile the mean stretches."""
+        """Compile the mean stretches; `PartError` for a face that has no such direction."""
         import ufl
         from dolfinx import fem
+
+        self.check_laid(self._called, lambda normal: self._helix.field(self.setting.body, normal), equations)
 
         one = fem.Constant(self.setting.body.mesh, 1.0)
         self._means = []

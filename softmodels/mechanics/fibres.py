@@ -34,8 +34,9 @@ from softmodels.mechanics.strain_term import (
     change_along,
     check_faces,
     check_regions,
+    faces,
     names_in,
-    places,
+    regions,
 )
 
 if TYPE_CHECKING:
@@ -168,7 +169,8 @@ class FibreTerm(StrainTerm):
         self._part = part
         self._unit = setting.body.actuator.size if self.in_face else 1.0
         self.take(part)
-        super().__init__(setting, places(setting.body, names_in(part.on)), self._changes, self._energy)
+        where = (faces if self.in_face else regions)(setting.body, names_in(part.on))
+        super().__init__(setting, where, self._changes, self._energy)
 
     def take(self, part: Fibres) -> None:
         """Take another angle, axis, stiffness, modulus and exponent; nothing is compiled again."""
@@ -194,9 +196,15 @@ class FibreTerm(StrainTerm):
         return sum(law(k, square, self._b) for square in squares)
 
     def compile(self, equations: Equations) -> None:
-        """Compile the means of stretch and tension, which is the energy's derivative by the stretch."""
+        """Compile the means of stretch and tension, which is the energy's derivative by the stretch.
+
+        Raises:
+            PartError: A face that has no such direction.
+        """
         import ufl
         from dolfinx import fem
+
+        self.check_laid(self._part.where, lambda normal: self._helix.field(self.setting.body, normal), equations)
 
         one = fem.Constant(self.setting.body.mesh, 1.0)
         self._means = []

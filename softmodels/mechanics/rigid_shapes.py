@@ -37,6 +37,11 @@ DEEPEST = 0.05
 WAY = 8
 """Places on the straight way of a node from state to state at which its depth is looked at."""
 AXES = "xyz"
+HARDENS = 0.25
+"""Share of the depth at which a state is refused from which the shape grows harder. The energy is of the undeformed area, which
+a wrapped membrane stretches to ten or twenty times itself, so that it would sink in ten or twenty times as deep."""
+HARDER = 16.0
+"""How steeply: at the refused depth the contact is 1 + HARDER (1 - HARDENS)^2 / (2 HARDENS), some 19, times as hard."""
 
 
 @register_part
@@ -114,6 +119,10 @@ class RigidShape(EnergyPart):
         """Half the length of the line in its middle, in sizes of the device."""
         return {"sphere": 0.0, "cylinder": ENDLESS, "capsule": self.length / 2 / size}[self.shape]
 
+    def deepest(self, size: float) -> float:
+        """Depth in sizes of the device at which a state is refused."""
+        return DEEPEST if self.hollow else min(DEEPEST, 0.5 * self.radius / size)
+
     def check_on(self, actuator: Actuator) -> None:
         at, along = np.asarray(self.at), self.direction
         if actuator.dimension == 2:
@@ -185,14 +194,12 @@ class ShapeTerm(Term):
         body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
         self.numbers = shape.numbers(size)
         self._constants = constants = tuple(fem.Constant(mesh, value) for value in self.numbers)
-        stiffness, onset = (
-            fem.Constant(mesh, float(shape.stiffness)),
-            fem.Constant(mesh, ONSET_PRESSURE / shape.stiffness),
-        )
+        onset, soft = ONSET_PRESSURE / shape.stiffness, HARDENS * shape.deepest(size)
+        stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
         place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
         components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
         depth = ufl.max_value(-shape.distance(components, constants), 0.0)
-        energy = stiffness * penalty(depth, onset)
+        energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
         push = -ufl.diff(energy, place)  # on the device; the shape takes the opposite
         self.energies, self._forces = [], []
         for role in shape.roles:
@@ -263,6 +270,6 @@ class ShapeTerm(Term):
 
     def admits(self, before: Array, after: Array) -> bool:
         start, end = self.nodes.moved(before), self.nodes.moved(after)
-        limit = DEEPEST if self.shape.hollow else min(DEEPEST, 0.5 * self.shape.radius / self.body.actuator.size)
+        limit = self.shape.deepest(self.body.actuator.size)
         way = [start + t * (end - start) for t in np.linspace(0.0, 1.0, WAY + 1)[1:]]
         return all(float(self._distances(places).min()) > -limit for places in way)

@@ -14,7 +14,7 @@ import numpy as np
 
 from geometries import Actuator
 from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
-from softmodels.mechanics.parts import Foresight, PartError, Setting, Term
+from softmodels.mechanics.parts import Equations, Foresight, PartError, Setting, Term
 
 if TYPE_CHECKING:
     import ufl
@@ -23,21 +23,33 @@ if TYPE_CHECKING:
 
 NOWHERE = 1e-12
 """Square of a direction's length below which a face has none: it is cut at right angles."""
+BARE = 1e-4
+"""Mean of that square over a face below which nothing can be laid along the direction there."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Place:
-    """Where a term is integrated: a measure, and the unit normal of a face, or None in a region."""
+    """Where a term is integrated.
+
+    Attributes:
+        measure: Of the face or region.
+        normal: Unit normal of a face; None in a region.
+        name: Of the face or region; empty for the whole body.
+    """
 
     measure: ufl.Measure
     normal: Expr | None
+    name: str = ""
 
 
-def places(body: Body, names: Sequence[str]) -> list[Place]:
-    """The faces or regions of these names; the whole body if there are none."""
-    if not names:
-        return [Place(body.measures()[0], None)]
-    return [_region(body, name) if name in body.regions else Place(*body.sheet_face(name)) for name in names]
+def faces(body: Body, names: Sequence[str]) -> list[Place]:
+    """The faces of these names, which regions may bear too."""
+    return [Place(*body.sheet_face(name), name) for name in names]
+
+
+def regions(body: Body, names: Sequence[str]) -> list[Place]:
+    """The regions of these names; the whole body if there are none."""
+    return [_region(body, name) for name in names] if names else [Place(body.measures()[0], None)]
 
 
 def _region(body: Body, name: str) -> Place:
@@ -47,7 +59,7 @@ def _region(body: Body, name: str) -> Place:
     cells = np.sort(body.regions[name])
     tags = meshes.meshtags(body.mesh, body.mesh.topology.dim, cells, np.full(len(cells), SHEET, dtype=np.int32))
     rule = {"quadrature_degree": QUADRATURE_DEGREE}
-    return Place(ufl.Measure("dx", body.mesh, subdomain_data=tags, metadata=rule)(SHEET), None)
+    return Place(ufl.Measure("dx", body.mesh, subdomain_data=tags, metadata=rule)(SHEET), None, name)
 
 
 def names_in(text: str) -> list[str]:
@@ -111,6 +123,33 @@ class StrainTerm(Term):
 
     def _strains(self, displacement: Expr, place: Place) -> Expr:
         return self.strains(self.setting.body.deformation_gradient(displacement), place)
+
+    def check_laid(self, part: str, direction: Callable[[Expr], Expr], equations: Equations) -> None:
+        """Refuse faces that a direction is square to, so that nothing can be laid along it there.
+
+        Args:
+            part: What is laid there, for messages.
+            direction: Of a face's normal, see `softmodels.mechanics.directions.Helix.field`.
+            equations: Compile and integrate.
+
+        Raises:
+            PartError: Which face.
+        """
+        import ufl
+        from dolfinx import fem
+
+        one = fem.Constant(self.setting.body.mesh, 1.0)
+        for place in self.where:
+            if place.normal is None:
+                continue
+            laid = direction(place.normal)
+            integrands = (ufl.dot(laid, laid), one)
+            square, area = (equations.integral(equations.form(self.integral(value, place))) for value in integrands)
+            if square < BARE * area:
+                raise PartError(
+                    f"{part}: its direction is square to the face {place.name} and has no line in it; take another angle or "
+                    "axis, or another face"
+                )
 
     def stress(self, strains: Expr) -> tuple[Expr, Expr]:
         """Derivative of the energy by the strains, and its derivative."""

@@ -94,7 +94,7 @@ def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
         return {}
     compliance = sampling.solver.dead_load_compliance(state, sampling.push)  # of a unit load on each slice
     unit = eq.stress_unit * eq.length_unit * actuator.copies
-    return {f"{actuator.pushed}_stiffness_N_per_m": unit / compliance}
+    return {f"{actuator.pushed}_stiffness_N_per_m": unit / compliance if compliance else np.inf}  # held
 
 
 MEASURES: list[Measure] = [

@@ -8,6 +8,7 @@ import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.mechanics.fabric import Fabric
 from softmodels.mechanics.fibres import Fibres
+from softmodels.mechanics.parts import PartError
 from softmodels.results.columns import term
 
 TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
@@ -55,6 +56,12 @@ def test_they_come_back_from_a_case_file():
 def test_what_cannot_be_meant(device, table, words):
     with pytest.raises(CaseError, match=words):
         Case.from_toml(f"{case(device).to_toml()}\n{table}\n")
+
+
+def test_a_face_that_the_direction_is_square_to():
+    cloth = Fabric(on="end", along=1e3, across=1e3, name="cloth")
+    with pytest.raises(PartError, match=r"fabric.cloth.*square to the face end"):
+        sm.run(case(TUBE, cloth))
 
 
 def test_their_columns_are_explained():

@@ -213,6 +213,13 @@ def test_a_stiff_ring_is_a_rigid_one(figure):
     figure("rigid ring on a membrane at 20 cm", "ring 10,000 times stiffer: added volume", volumes - 1, 2e-3)
 
 
+def test_a_region_and_its_face_may_bear_one_name(body_of):
+    """A plate on a membrane is a region of cells, and the face of them."""
+    body = body_of(sm.Membrane(plate_radius=0.008, plate_thickness=0.001, cell_size=0.002))
+    cells, faces = body.regions["plate"], body.entities["plate"]
+    assert len(cells) > 0 and faces[0] == 1 and len(faces[1]) > 0
+
+
 def test_what_is_no_region(layered, body_of):
     with pytest.raises(PartError, match=r"\[region.core\]: LayeredSphere has no region 'core'; its regions are shell"):
         Region(SOFT, name="core").check_on(layered["sphere"])

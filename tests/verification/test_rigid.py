@@ -140,6 +140,12 @@ def test_a_case_of_its_own():
     assert abs(free["plate_force_N"]) < 1e-6 * abs(held["plate_force_N"]) and "plate_z_mm" not in held
 
 
+def test_a_held_end_has_no_end_of_stiffness():
+    tube = sm.Cylinder(cell_size=0.003)
+    run = sm.inflate(tube, sm.NeoHookean(30e3, 0.49), "0,1 cm", parts=[Rigid("end", kind="held", name="plate")])
+    assert run.path["end_stiffness_N_per_m"][-1] == np.inf and run.path["end_mm"][-1] == 0.0
+
+
 def test_what_cannot_be(body_of):
     def refused(**changes):
         with pytest.raises((CaseError, PartError)) as error:

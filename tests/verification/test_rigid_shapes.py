@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+import softmodels as sm
 from geometries import CutPlane, Hold, HollowDisk
 from geometries.fields import length_field
 from softmodels.case.case import Case, CaseError
@@ -47,6 +48,13 @@ def test_a_shell_swells_in_a_hollow_sphere(bodies, body_of, figure):
     force = pressed * math.pi * (outer * shell.outer) ** 2 * system.stress_unit
     figure(MOULD, "force", figures["sphere_force_z_N"] / force - 1, 1e-3)
     figure(MOULD, "depth", figures["sphere_depth_mm"] / (depth * size * 1e3) - 1, 1e-2)  # facets are straight
+
+
+def test_a_shape_grows_harder_before_it_is_passed():
+    """A contact so soft that at a constant stiffness a state of 0.6 ml would be refused."""
+    ball = dataclasses.replace(BALL, stiffness=3.0, name="ball")
+    run = sm.inflate(SECTION, LAW, volumes="0,1.2 ml", parts=[ball])
+    assert run.added_volume[-1] == pytest.approx(1.2e-6) and 0.2 < run.path["ball_depth_mm"][-1] < 0.5
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
