@@ -29,6 +29,7 @@ from geometries.selections import faces as plane_faces
 from measurement.wording import Spoken
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.mpi import largest
+from softmodels.mechanics.named_places import names_in
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -100,7 +101,7 @@ class Obstacle:
 
     @property
     def roles(self) -> list[str]:
-        return [role.strip() for role in self.faces.split(",") if role.strip()]
+        return names_in(self.faces)
 
     @property
     def on_cut(self) -> bool:

@@ -78,7 +78,7 @@ def check_axis(where: str, axis: Sequence[float], angle: float) -> None:
         raise PartError(f"{where}: angle is {shown(angle, 'degree')}; it lies between -90 and 90 deg")
 
 
-def check_direction(where: str, actuator: Actuator, axis: Sequence[float], angle: float, mirrored: bool) -> None:
+def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: float, mirrored: bool) -> None:
     """Refuse a direction whose images by the device's symmetry are others than itself.
 
     Args:

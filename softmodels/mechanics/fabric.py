@@ -19,10 +19,11 @@ import numpy as np
 from geometries import Actuator
 from geometries.fields import angle_field, field_of, list_field, number_field
 from geometries.kinds import Flag, Quantity, Words
-from softmodels.mechanics.directions import Helix, check_axis, check_direction
+from softmodels.mechanics.directions import Helix, check_axis, check_helix
 from softmodels.mechanics.fibres import STIFFNESSES, taut
+from softmodels.mechanics.named_places import check_faces, names_in
 from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
-from softmodels.mechanics.strain_term import NOWHERE, Place, StrainTerm, change_along, check_faces, faces, names_in
+from softmodels.mechanics.strain_term import NOWHERE, Place, StrainTerm, change_along, faces
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -81,7 +82,7 @@ class Fabric(EnergyPart):
         if not names:
             raise PartError(f"{self.where}: on is empty; name the face that the fabric is bonded to")
         check_faces(self.where, actuator, names)
-        check_direction(self.where, actuator, self.axis, self.angle, False)
+        check_helix(self.where, actuator, self.axis, self.angle, False)
 
     def term(self, setting: Setting) -> FabricTerm:
         return FabricTerm(self, setting)

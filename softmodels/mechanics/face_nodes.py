@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 
-def check_faces(body: Body, roles: Sequence[str], where: str) -> None:
+def check_mesh_faces(body: Body, roles: Sequence[str], where: str) -> None:
     """Raise `PartError` for a face that the mesh lacks."""
     facets = body.mesh.topology.dim - 1
     for role in roles:

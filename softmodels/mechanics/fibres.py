@@ -26,18 +26,10 @@ from geometries import Actuator
 from geometries.fields import angle_field, choice_field, field_of, list_field, number_field
 from geometries.kinds import Flag, Quantity, Words
 from softmodels.materials.strain import Expression
-from softmodels.mechanics.directions import Helix, check_axis, check_direction
+from softmodels.mechanics.directions import Helix, check_axis, check_helix
+from softmodels.mechanics.named_places import check_faces, check_regions, names_in
 from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
-from softmodels.mechanics.strain_term import (
-    Place,
-    StrainTerm,
-    change_along,
-    check_faces,
-    check_regions,
-    faces,
-    names_in,
-    regions,
-)
+from softmodels.mechanics.strain_term import Place, StrainTerm, change_along, faces, regions
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -142,7 +134,7 @@ class Fibres(EnergyPart):
                 raise PartError(f"{self.where}: {name} is {value:g} {unit}; {least:g} to {most:g} {unit} are taken")
 
     def check_on(self, actuator: Actuator) -> None:
-        check_direction(self.where, actuator, self.axis, self.angle, self.helices == 2)
+        check_helix(self.where, actuator, self.axis, self.angle, self.helices == 2)
         if self.modulus:
             check_regions(self.where, actuator, names_in(self.on))
         elif self.on:

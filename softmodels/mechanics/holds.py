@@ -19,6 +19,7 @@ from geometries.fields import field_of
 from geometries.kinds import Words
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.loads import direction
+from softmodels.mechanics.named_places import names_in
 from softmodels.mechanics.parts import Part, PartError, register_part
 from softmodels.mechanics.regions import RegionPart
 
@@ -59,7 +60,7 @@ class Clamp(Part):
 
     @property
     def roles(self) -> list[str]:
-        return [role.strip() for role in self.face.split(",") if role.strip()]
+        return names_in(self.face)
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `PartError` where a device has no such face, or its mesh no such direction."""

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from geometries import Actuator
 from softmodels.materials.material import Material, MaterialError
 from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
+from softmodels.mechanics.named_places import check_regions
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.region_space import numbered
 from softmodels.mechanics.rigid import Rigid
@@ -39,9 +40,7 @@ class RegionPart(Part):
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `PartError` where a device has no such region."""
-        if self.name not in actuator.regions:
-            known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
-            raise PartError(f"{self.where}: {type(actuator).__name__} has no region {self.name!r}; {known}")
+        check_regions(self.where, actuator, [self.name])
 
 
 class RigidRegion(RegionPart):

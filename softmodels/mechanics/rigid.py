@@ -19,6 +19,7 @@ from geometries.fields import field_of
 from geometries.kinds import Choice, Quantity, Several, Words
 from softmodels.mechanics.body import in_section
 from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed, check_finite
+from softmodels.mechanics.named_places import check_regions
 from softmodels.mechanics.parts import PartError, register_part
 from softmodels.mechanics.rigid_motion import Freedom
 
@@ -93,9 +94,7 @@ class Rigid(HeavyPart):
 
     def check_on(self, actuator: Actuator) -> None:
         if self.region:
-            if self.region not in actuator.regions:
-                known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
-                raise PartError(f"{self.where}: {type(actuator).__name__} has no region {self.region!r}; {known}")
+            check_regions(self.where, actuator, [self.region])
         elif self.face not in actuator.faces:
             raise PartError(
                 f"{self.where}: {type(actuator).__name__} has no face {self.face!r} that a rigid part can be bonded to; it has "

@@ -18,9 +18,10 @@ import numpy.typing as npt
 from geometries import Actuator
 from geometries.fields import choice_field, field_of, length_field, list_field
 from geometries.kinds import Flag, Length, Quantity, Several, Words
-from softmodels.mechanics.contact import NEAR, ONSET_PRESSURE, SOFTEST, STIFFEST, STIFFNESS, penalty
-from softmodels.mechanics.face_nodes import FaceNodes, check_faces
-from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, Term, register_part
+from softmodels.mechanics.contact import NEAR, ONSET_PRESSURE, STIFFNESS, penalty
+from softmodels.mechanics.contact_part import ContactPart
+from softmodels.mechanics.face_nodes import FaceNodes, check_mesh_faces
+from softmodels.mechanics.parts import Equations, PartError, Setting, Term, register_part
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -46,7 +47,7 @@ HARDER = 16.0
 
 @register_part
 @dataclasses.dataclass(frozen=True)
-class RigidShape(EnergyPart):
+class RigidShape(ContactPart):
     """A rigid shape without friction, and the faces that it stops.
 
     Attributes:
@@ -97,15 +98,7 @@ class RigidShape(EnergyPart):
             )
         if (self.length > 0.0) != (self.shape == "capsule"):
             raise PartError(f"{self.where}: a capsule has a length above zero, and no other shape has one")
-        if not SOFTEST <= self.stiffness <= STIFFEST:
-            raise PartError(
-                f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {SOFTEST:g} to "
-                f"{STIFFEST:g} are taken, and {STIFFNESS:g} is usual"
-            )
-
-    @property
-    def roles(self) -> list[str]:
-        return [role.strip() for role in self.faces.split(",") if role.strip()]
+        self.check_stiffness()
 
     @property
     def direction(self) -> Array:
@@ -171,7 +164,7 @@ class RigidShape(EnergyPart):
         )
 
     def term(self, setting: Setting) -> ShapeTerm:
-        check_faces(setting.body, self.roles, self.where)
+        check_mesh_faces(setting.body, self.roles, self.where)
         term = ShapeTerm(self, setting)
         term.check_rest()
         return term

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometries import Actuator
 from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
 from softmodels.mechanics.parts import Equations, Foresight, PartError, Setting, Term
 
@@ -62,39 +61,12 @@ def _region(body: Body, name: str) -> Place:
     return Place(ufl.Measure("dx", body.mesh, subdomain_data=tags, metadata=rule)(SHEET), None, name)
 
 
-def names_in(text: str) -> list[str]:
-    """Names with commas between."""
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
 def change_along(F: Expr, direction: Expr) -> Expr:
     """Change of squared length of a line along a direction, over its squared length: 0 where there is no direction."""
     import ufl
 
     square, moved = ufl.dot(direction, direction), ufl.dot(F, direction)
     return (ufl.dot(moved, moved) - square) / (square + NOWHERE)
-
-
-def faces_of(actuator: Actuator) -> tuple[str, ...]:
-    """Faces of a device that can be reinforced."""
-    return (*actuator.faces, "cavity")
-
-
-def check_faces(where: str, actuator: Actuator, names: Sequence[str]) -> None:
-    """Raise `PartError` for names that are no faces of the device."""
-    for name in names:
-        if name not in faces_of(actuator):
-            raise PartError(
-                f"{where}: {name!r} is no face of {type(actuator).__name__}; it has {', '.join(faces_of(actuator))}"
-            )
-
-
-def check_regions(where: str, actuator: Actuator, names: Sequence[str]) -> None:
-    """Raise `PartError` for names that are no regions of the device."""
-    for name in names:
-        if name not in actuator.regions:
-            known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
-            raise PartError(f"{where}: {type(actuator).__name__} has no region {name!r}; {known}")
 
 
 class StrainTerm(Term):

@@ -306,9 +306,15 @@ class Plate(Plain):
         gmsh.model.occ.addBox(0, 0, 0, self.length, self.thickness, self.cell_size)
         gmsh.model.occ.synchronize()
         _group(3, [1], "solid")
+        self.name_faces(gmsh.model.getEntities(2))
+
+    def name_faces(self, faces):
+        """Name the faces outside, and the edge that is held across."""
+        import gmsh
+
         places = {"plane0": (0, 0.0), "cavity": (0, self.length), "plane2": (2, 0.0), "front": (2, self.cell_size)}
         groups = {}
-        for _, face in gmsh.model.getEntities(2):
+        for _, face in faces:
             points = _corner_coordinates(face)
             flat = [name for name, (axis, at) in places.items() if np.abs(points[:, axis] - at).max() < 1e-9]
             groups.setdefault(flat[0] if flat else "outer", []).append(face)
@@ -400,18 +406,7 @@ class LayeredPlate(Plate):
         occ.synchronize()
         _group(3, boxes[:1], "solid")
         _group(3, boxes[1:], "upper")
-        places = {"plane0": (0, 0.0), "cavity": (0, self.length), "plane2": (2, 0.0), "front": (2, self.cell_size)}
-        groups = {}
-        for _, face in gmsh.model.getBoundary([(3, box) for box in boxes], combined=True, oriented=False):
-            points = _corner_coordinates(face)
-            flat = [name for name, (axis, at) in places.items() if np.abs(points[:, axis] - at).max() < 1e-9]
-            groups.setdefault(flat[0] if flat else "outer", []).append(face)
-        for name, faces in groups.items():
-            _group(2, faces, name)
-        for _, edge in gmsh.model.getEntities(1):
-            if np.abs(_corner_coordinates(edge, 1)[:, :2]).max() < 1e-9:
-                _group(1, [edge], "edge")
-        gmsh.model.mesh.setSizeCallback(lambda *args: self.cell_size)
+        self.name_faces(gmsh.model.getBoundary([(3, box) for box in boxes], combined=True, oriented=False))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -13,9 +13,10 @@ from geometries.fields import field_of
 from geometries.kinds import Quantity, Words
 from softmodels.mechanics.assembled import AssembledTerm
 from softmodels.mechanics.body import in_section
-from softmodels.mechanics.contact import ONSET_PRESSURE, STIFFEST
-from softmodels.mechanics.face_nodes import FaceNodes, check_faces
-from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
+from softmodels.mechanics.contact import ONSET_PRESSURE
+from softmodels.mechanics.contact_part import ContactPart
+from softmodels.mechanics.face_nodes import FaceNodes, check_mesh_faces
+from softmodels.mechanics.parts import Equations, PartError, Setting, register_part
 from softmodels.mechanics.walls.energy import Pressed
 from softmodels.mechanics.walls.gap import Penalty
 from softmodels.mechanics.walls.pairs import Pairs, mirror_images
@@ -24,14 +25,13 @@ from softmodels.mechanics.walls.surface import Array, Surface
 
 STIFFNESS = 2000.0
 """Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, since walls are thin."""
-SOFTEST = 10.0
 SOON = 0.2
 """Gap in radii of the kernel below which nodes are coupled in the matrix's pattern before they touch."""
 
 
 @register_part
 @dataclasses.dataclass(frozen=True)
-class Walls(EnergyPart):
+class Walls(ContactPart):
     """Walls that press on each other without friction.
 
     Attributes:
@@ -47,6 +47,8 @@ class Walls(EnergyPart):
     )
 
     table: ClassVar[str] = "walls"
+    softest: ClassVar[float] = 10.0
+    usual: ClassVar[float] = STIFFNESS
     needs: ClassVar[str] = "[walls] needs the faces that may meet (faces = 'cavity')"
     figure_texts: ClassVar = {
         r"(\w+)_contact_N": (
@@ -62,22 +64,14 @@ class Walls(EnergyPart):
             raise PartError(self.needs)
         if len(set(self.roles)) < len(self.roles):
             raise PartError(f"{self.where}: faces = {self.faces!r} names a face twice")
-        if not SOFTEST <= self.stiffness <= STIFFEST:
-            raise PartError(
-                f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {SOFTEST:g} to "
-                f"{STIFFEST:g} are taken, and {STIFFNESS:g} is usual"
-            )
-
-    @property
-    def roles(self) -> list[str]:
-        return [role.strip() for role in self.faces.split(",") if role.strip()]
+        self.check_stiffness()
 
     @property
     def in_model(self) -> str:
         return f" but for {self.faces}, which press on each other without friction"
 
     def term(self, setting: Setting) -> WallTerm:
-        check_faces(setting.body, self.roles, self.where)
+        check_mesh_faces(setting.body, self.roles, self.where)
         return WallTerm(self, setting)
 
 

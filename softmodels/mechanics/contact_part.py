@@ -1,0 +1,36 @@
+"""What all contact of faces by a penalty has in common, be it with a rigid shape or with each other."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from softmodels.mechanics.contact import SOFTEST, STIFFEST, STIFFNESS
+from softmodels.mechanics.named_places import names_in
+from softmodels.mechanics.parts import EnergyPart, PartError
+
+
+class ContactPart(EnergyPart):
+    """Faces that are pressed on without friction; a kind is a dataclass of it with the fields below.
+
+    Attributes:
+        faces: Roles of the facets, with commas between.
+        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
+        softest, usual: The least stiffness that is taken, and the one that serves most devices.
+    """
+
+    faces: str
+    stiffness: float
+    softest: ClassVar[float] = SOFTEST
+    usual: ClassVar[float] = STIFFNESS
+
+    @property
+    def roles(self) -> list[str]:
+        return names_in(self.faces)
+
+    def check_stiffness(self) -> None:
+        """Refuse, with `PartError`, a stiffness with which no contact can be computed."""
+        if not self.softest <= self.stiffness <= STIFFEST:
+            raise PartError(
+                f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {self.softest:g} to "
+                f"{STIFFEST:g} are taken, and {self.usual:g} is usual"
+            )
