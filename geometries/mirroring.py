@@ -8,12 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 
 TURNED = {
+    1: [1, 0],
+    8: [1, 0, 2],
     2: [1, 0, 2],
     9: [1, 0, 2, 3, 5, 4],
     4: [1, 0, 2, 3],
     11: [1, 0, 2, 3, 4, 6, 5, 9, 8, 7],
 }
-"""Gmsh's triangles and tetrahedra of first and second order: the order of nodes with the first two corners exchanged.
+"""Gmsh's lines, triangles and tetrahedra of first and second order: the order of nodes with the first two corners exchanged.
 
 An image is turned inside out; this turns it back.
 """
