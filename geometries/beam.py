@@ -11,13 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import CutPlane, Hold, Vector
+from geometries.cell_count import check_cell_count
 from geometries.errors import GeometryError
-from geometries.fields import choice_field, length_field
+from geometries.fields import choice_field, length_field, shown
 from geometries.halved import MirroredHalf
 from geometries.registry import register
 
 NEAR = 1e-9
 """What counts as the same place, in lengths of the beam."""
+THICKEST = 20.0
+"""Largest width and thickness in lengths of the beam."""
+MOST_CELLS = 3_000_000
+"""Meshes expected to be larger are refused."""
 GMSH_BOX = 1e-6
 """By how much Gmsh's boxes may be wider, in m."""
 
@@ -57,8 +62,18 @@ class Beam(MirroredHalf):
             raise GeometryError(
                 "clamp = slip leaves a whole beam free to slide sideways; take part = half, or clamp = held"
             )
-        if self.cell_size > min(self.width, self.thickness, self.length):
-            raise GeometryError("cell_size must not pass the length, width or thickness")
+        for name in ("length", "width", "thickness"):
+            if self.cell_size > getattr(self, name):
+                raise GeometryError(
+                    f"cell_size is {shown(self.cell_size, 'm')}; it must not pass {name}, {shown(getattr(self, name), 'm')}"
+                )
+        for name in ("width", "thickness"):
+            if getattr(self, name) > THICKEST * self.length:
+                raise GeometryError(
+                    f"{name} is {shown(getattr(self, name), 'm')}; more than {THICKEST:g} times length, "
+                    f"{shown(self.length, 'm')}, looks like a mistaken unit"
+                )
+        check_cell_count(self.cell_size, self.expected_cells, MOST_CELLS)
 
     @property
     def mesh_order(self) -> int:

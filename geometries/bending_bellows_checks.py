@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from geometries.bending_bellows_plan import crest, fold_radius, length
+from geometries.cell_count import check_cell_count
 from geometries.errors import GeometryError
 from geometries.fields import LONGEST, shown
 from geometries.kinds import ROUNDING
@@ -83,8 +84,4 @@ def _check_cells(bellows: BendingBellows) -> None:
             f"cell_size is {_mm(bellows.cell_size)}; with {thinnest} {_mm(getattr(bellows, thinnest))} it must not pass "
             f"{_mm(limit)}"
         )
-    if bellows.expected_cells > MOST_CELLS:
-        raise GeometryError(
-            f"cell_size is {_mm(bellows.cell_size)}; about {bellows.expected_cells:.2g} cells are expected and {MOST_CELLS:,} "
-            "are allowed"
-        )
+    check_cell_count(bellows.cell_size, bellows.expected_cells, MOST_CELLS)

@@ -6,6 +6,7 @@ import itertools
 import math
 from typing import TYPE_CHECKING
 
+from geometries.cell_count import check_cell_count
 from geometries.errors import GeometryError
 from geometries.fields import LONGEST, shown
 
@@ -71,12 +72,8 @@ def check_cylinder(device: Cylinder) -> None:
         raise GeometryError(
             f"cell_size is {shown(device.cell_size, 'm')}; it must not pass length, {shown(device.length, 'm')}"
         )
-    expected = expected_cells(device)
-    if expected > MOST_CELLS:
-        raise GeometryError(
-            f"cell_size is {shown(device.cell_size, 'm')} with wall {shown(device.wall, 'm')} and fillet "
-            f"{shown(device.fillet, 'm')}; about {expected:.2g} cells are expected and {MOST_CELLS:,} are allowed"
-        )
+    more = f" with wall {shown(device.wall, 'm')} and fillet {shown(device.fillet, 'm')}"
+    check_cell_count(device.cell_size, expected_cells(device), MOST_CELLS, more)
 
 
 def _check_shape(device: Cylinder) -> None:

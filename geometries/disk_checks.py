@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometries.cell_count import check_cell_count
 from geometries.disk_cells import expected_cells
 from geometries.errors import GeometryError
 from geometries.fields import LONGEST, shown
@@ -124,12 +125,8 @@ def _check_cells(disk: HollowDisk) -> None:
                 f"cell_size is {shown(disk.cell_size, 'm')}; it must not pass {COARSEST:g} times {part}, "
                 f"{shown(length, 'm')}"
             )
-    expected = expected_cells(disk)
-    if expected > MOST_CELLS:
-        raise GeometryError(
-            f"cell_size is {shown(disk.cell_size, 'm')} with refinement {disk.refinement:g} and fillet "
-            f"{shown(disk.fillet, 'm')}; about {expected:.2g} cells are expected and {MOST_CELLS:,} are allowed"
-        )
+    more = f" with refinement {disk.refinement:g} and fillet {shown(disk.fillet, 'm')}"
+    check_cell_count(disk.cell_size, expected_cells(disk), MOST_CELLS, more)
 
 
 def clearances(disk: HollowDisk) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from geometries.cell_count import check_cell_count
 from geometries.errors import GeometryError
 from geometries.fields import LONGEST, shown
 from geometries.kinds import ROUNDING
@@ -99,8 +100,4 @@ def _check_cells(finger: PneuNet) -> None:
         raise GeometryError(
             f"cell_size is {_mm(finger.cell_size)}; with {thinnest} {_mm(solid[thinnest])} it must not pass {_mm(limit)}"
         )
-    if finger.expected_cells > MOST_CELLS:
-        raise GeometryError(
-            f"cell_size is {_mm(finger.cell_size)}; about {finger.expected_cells:.2g} cells are expected and {MOST_CELLS:,} "
-            "are allowed"
-        )
+    check_cell_count(finger.cell_size, finger.expected_cells, MOST_CELLS)

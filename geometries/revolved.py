@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Actuator, CutPlane, Hold
+from geometries.cell_count import check_cell_count
 from geometries.errors import GeometryError
 from geometries.fields import angle_field, choice_field, number_field, shown
 from geometries.panels import Panel, Place, Side, chained, enclosed_volume, outline, turned_volume
@@ -168,11 +169,8 @@ class Revolved(Actuator):
                 raise GeometryError(
                     f"angle is {shown(self.angle, 'degree')}; it must divide 360 deg evenly, such as 30, 45, 90 or 360 deg"
                 )
-        if (expected := self.expected_cells) > MOST_CELLS:
-            raise GeometryError(
-                f"cell_size is {shown(self.cell_size, 'm')} with {self.through:g} cells through {shown(self.thinnest, 'm')}; "
-                f"about {expected:.2g} cells are expected and {MOST_CELLS:,} are allowed"
-            )
+        more = f" with {self.through:g} cells through {shown(self.thinnest, 'm')}"
+        check_cell_count(self.cell_size, self.expected_cells, MOST_CELLS, more)
 
     def build(self) -> None:
         from geometries.revolved_shape import build_section, build_wedge

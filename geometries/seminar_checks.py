@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from geometries.cell_count import check_cell_count
 from geometries.errors import GeometryError
 from geometries.fields import LONGEST, shown
 from geometries.seminar_cells import expected_cells
@@ -232,9 +233,4 @@ def _check_cells(slab: SeminarActuator) -> None:
         raise GeometryError(f"around is {slab.around:g}; it must lie between 3 and 64 cells around a channel")
     if slab.cell_size > slab.thickness:
         raise GeometryError(f"cell_size is {_mm(slab.cell_size)}; it must not pass thickness, {_mm(slab.thickness)}")
-    expected = expected_cells(slab)
-    if expected > MOST_CELLS:
-        raise GeometryError(
-            f"cell_size is {_mm(slab.cell_size)} with around {slab.around:g}; about {expected:.2g} cells are expected and "
-            f"{MOST_CELLS:,} are allowed"
-        )
+    check_cell_count(slab.cell_size, expected_cells(slab), MOST_CELLS, f" with around {slab.around:g}")
