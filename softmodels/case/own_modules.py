@@ -1,4 +1,4 @@
-"""Devices, laws and supplies from files of one's own, for commands and for the processes that they start.
+"""Devices, laws, supplies and parts from files of one's own, for commands and for the processes that they start.
 
 A script that defines a device and runs it needs nothing of this. A command such as ``softmodels run case.toml`` knows only
 what the library has; the environment variable `VARIABLE` names the Python files to import first, as `PATH` names folders.
@@ -6,9 +6,11 @@ what the library has; the environment variable `VARIABLE` names the Python files
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -33,11 +35,22 @@ def import_own_modules() -> None:
 
 
 def own_modules(*things: object) -> str:
-    """The value of `VARIABLE` with which another process knows the classes of these things too."""
-    files = [_file(sys.modules.get(type(thing).__module__)) for thing in things
-             if type(thing).__module__.split(".")[0] not in LIBRARY]  # fmt: skip
+    """The value of `VARIABLE` with which another process knows the classes of these things, and of all in them, too."""
+    names = {type(value).__module__: None for value in _within(things)}
+    files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in LIBRARY]
     named = filter(None, os.environ.get(VARIABLE, "").split(os.pathsep))
     return os.pathsep.join(dict.fromkeys([*named, *(str(file) for file in files if file is not None)]))
+
+
+def _within(value: object) -> Iterator[object]:
+    """The frozen dataclasses in a value: a case, its device, its parts, their materials."""
+    if isinstance(value, tuple | list):
+        for one in value:
+            yield from _within(one)
+    elif dataclasses.is_dataclass(value):
+        yield value
+        for field in dataclasses.fields(value):
+            yield from _within(getattr(value, field.name))
 
 
 def _file(module: ModuleType | None) -> Path | None:

@@ -100,7 +100,7 @@ def _draw(case: Case, results: Results) -> float | None:
     """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5; the seconds it took, None if it failed."""
     begun = time.monotonic()
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
-    inherited[VARIABLE] = own_modules(case.actuator, case.material, case.supply)
+    inherited[VARIABLE] = own_modules(case)
     command = [*interpreter(), "-m", "softmodels.pictures.draw", str(results.folder), "--name", results.name]
     done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
     if done.returncode == 0:

@@ -190,7 +190,7 @@ def _draw(result: DesignResult) -> bool:
     """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5."""
     case = result.problem.case
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
-    inherited[VARIABLE] = own_modules(case.actuator, case.material, case.supply)
+    inherited[VARIABLE] = own_modules(case)
     command = [*interpreter(), "-m", "softmodels.pictures.draw_design", str(result.folder)]
     done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
     if done.returncode == 0:

@@ -13,8 +13,11 @@ import pytest
 import tomli_w
 from click.testing import CliRunner
 
-from geometries import HollowDisk
+from geometries import HollowDisk, PneuNet
+from softmodels.case.case import Case
 from softmodels.case.material_table import from_table, to_table
+from softmodels.case.own_modules import own_modules
+from softmodels.case.region import Region
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit_curves import fit_curves
 from softmodels.fitting.law_parameters import LawChoice, all_laws
@@ -23,6 +26,7 @@ from softmodels.fitting.outlines.fit_device import fit
 from softmodels.fitting.outlines.measured_device import MeasuredDevice
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.materials.homogeneous import nominal_stress, sphere_pressure
+from softmodels.materials.laws import NeoHookean
 from softmodels.materials.material import LAWS, Material, MaterialError, parameter, poissons_ratio, register
 from softmodels.materials.specimens import respond
 
@@ -149,3 +153,12 @@ def test_closed_forms_take_it():
     thin = sphere_pressure(law, 20e-3, 20.02e-3, 1.3)
     assert float(thin) == pytest.approx(2 * 0.001 * float(nominal_stress(law, 1.3, "equibiaxial")) / 1.3**2, rel=0.01)
     assert math.isinf(law.strain_limit) and law.remark == ""
+
+
+def test_another_process_is_told_of_it_wherever_it_is_used():
+    """The process that draws imports this file, be the law that of the device or of a region."""
+    law, plain = EightChain(**TRUTH), NeoHookean(30e3)
+    finger = PneuNet()
+    region = Case("finger", finger, plain, pressures_cm=(1.0,), parts=(Region(EightChain(**TRUTH), name="base"),))
+    assert own_modules(Case("finger", finger, plain, pressures_cm=(1.0,))) == ""
+    assert own_modules(region) == own_modules(Case("finger", finger, law, pressures_cm=(1.0,))) == __file__
