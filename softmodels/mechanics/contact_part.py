@@ -27,6 +27,13 @@ class ContactPart(EnergyPart):
     def roles(self) -> list[str]:
         return names_in(self.faces)
 
+    def try_other(self, pressed: str) -> str:
+        """What to try where it may have ended a path; ``pressed`` says that and how deep it is pressed on, a clause."""
+        return (
+            f"{pressed}: try another stiffness than {self.stiffness:g} (with a larger one they sink in less, a smaller one is "
+            "followed more easily), and smaller cells where they touch"
+        )
+
     def check_stiffness(self) -> None:
         """Refuse, with `PartError`, a stiffness with which no contact can be computed."""
         if not self.softest <= self.stiffness <= STIFFEST:

@@ -12,6 +12,7 @@ bends as freely as a sheet does, and locks as one on solid meshes: see `softmode
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -23,6 +24,7 @@ from softmodels.mechanics.directions import Helix, check_axis, check_helix
 from softmodels.mechanics.fibres import STIFFNESSES, taut
 from softmodels.mechanics.named_places import check_faces, names_in
 from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
+from softmodels.mechanics.sheet import locking
 from softmodels.mechanics.strain_term import NOWHERE, Place, StrainTerm, change_along, faces
 
 if TYPE_CHECKING:
@@ -83,6 +85,13 @@ class Fabric(EnergyPart):
             raise PartError(f"{self.where}: on is empty; name the face that the fabric is bonded to")
         check_faces(self.where, actuator, names)
         check_helix(self.where, actuator, self.axis, self.angle, False)
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        stiffest = max(self.along, self.across)
+        return (
+            f"the fabric of {self.where} has up to {stiffest / 1e3:.4g} kN/m: see whether the run goes on with a softer one"
+            f"{locking(stiffest, actuator)}"
+        )
 
     def term(self, setting: Setting) -> FabricTerm:
         return FabricTerm(self, setting)

@@ -29,6 +29,7 @@ from softmodels.materials.strain import Expression
 from softmodels.mechanics.directions import Helix, check_axis, check_helix
 from softmodels.mechanics.named_places import check_faces, check_regions, names_in
 from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
+from softmodels.mechanics.sheet import locking
 from softmodels.mechanics.strain_term import Place, StrainTerm, change_along, faces, regions
 
 if TYPE_CHECKING:
@@ -143,6 +144,17 @@ class Fibres(EnergyPart):
             raise PartError(
                 f"{self.where}: on is empty; a stiffness in N/m is of fibres on a face, name it (on = 'outer')"
             )
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        if self.modulus:
+            return (
+                f"the fibres of {self.where} have a modulus of {self.modulus / 1e6:.4g} MPa: see whether the run goes on with "
+                "a smaller one, or a finer mesh"
+            )
+        return (
+            f"the fibres of {self.where} have {self.stiffness / 1e3:.4g} kN/m: see whether the run goes on with softer ones"
+            f"{locking(self.stiffness, actuator)}"
+        )
 
     def term(self, setting: Setting) -> FibreTerm:
         return FibreTerm(self, setting)

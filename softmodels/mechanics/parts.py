@@ -119,6 +119,15 @@ class Part(abc.ABC):
         """What it adds to the sentence on what is not in a model, begun with '; '; nothing for most."""
         return ""
 
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        """How it may have ended a path, and what to try: a sentence without its stop; empty if it is not conspicuous.
+
+        Args:
+            actuator: The device that it is added to.
+            figure: Value of a column of ``path.csv`` in the last state, 0 where there is none.
+        """
+        return ""
+
     @property
     def where(self) -> str:
         """Its table in messages."""

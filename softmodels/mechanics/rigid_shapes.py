@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -162,6 +162,10 @@ class RigidShape(ContactPart):
             self.half(size),
             -1.0 if self.hollow else 1.0,
         )
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        depth = figure(f"{self.label}_depth_mm")
+        return self.try_other(f"faces press on {self.where} and have sunk {depth:.3g} mm into it") if depth else ""
 
     def term(self, setting: Setting) -> ShapeTerm:
         check_mesh_faces(setting.body, self.roles, self.where)

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 SOFTEST, STIFFEST = 1.0, 1e7
 """Stiffnesses in N/m that are taken: from a tenth of a millimetre of gel to a centimetre of nylon."""
+HARDLY_STRETCHES = 50e3
+"""Stiffness in N/m with which the seminar actuator still reaches 177 cm."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,3 +121,13 @@ def membrane_energy(F: Expr, N: Expr) -> Expr:
     I1 = ufl.tr(C)
     area = (I1**2 - ufl.inner(C, C)) / 2  # the square of the change of area: C has one eigenvalue 0, along N
     return (I1 + 1 / area - 3) / 6
+
+
+def locking(stiffness: float, actuator: Actuator) -> str:
+    """What to know of a reinforcement of a face, in N/m, that locks: a clause begun with '; ', empty if it does not."""
+    if actuator.dimension == 2 or stiffness <= HARDLY_STRETCHES:
+        return ""
+    return (
+        f"; {HARDLY_STRETCHES / 1e3:g} kN/m hardly stretch on silicone. On meshes of solid cells a stiffer one locks: a facet "
+        "of it cannot bend and keep its lengths everywhere. Smaller cells lock less"
+    )

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 
 from softmodels.case.case import Case
 from softmodels.materials.stability import described, last_stretch, weakest, weakness
+from softmodels.mechanics.sheet import locking
 from softmodels.results.row import Row
 
 NEAR = 0.95
 """Share of the stretch where a law loses its stability, or its chains are taut, from which that is what ended the path."""
-HARDLY_STRETCHES = 50e3
-"""Stiffness of a sheet in N/m with which the seminar actuator still reaches 177 cm; see `softmodels.mechanics.sheet`."""
 FOLDED = 0.3
 """Volume ratio at a vertex below which cells have all but folded."""
 
@@ -21,7 +20,8 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
 
     Args:
         case: The case.
-        figures: ``max_stretch`` and ``J_min`` of the last state, and ``contact_force_N`` where a plane stops faces.
+        figures: ``max_stretch`` and ``J_min`` of the last state, ``contact_force_N`` where a plane stops faces, and the
+            columns of parts.
         petsc: Whether PETSc's own options were given.
     """
     stretch = float(figures["max_stretch"])
@@ -51,23 +51,13 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
             f"faces press on the contact's plane: try a --contact-stiffness below {case.obstacle.stiffness:g}, and smaller "
             "cells where they touch"
         )
-    for part in case.parts:
-        depth = figures.get(f"{part.label}_depth_mm")
-        if depth:
-            found.append(
-                f"faces press on {part.where} and have sunk {depth:.3g} mm into it: try another stiffness (with a larger one "
-                "they sink in less, a smaller one is followed more easily), and smaller cells where they touch"
-            )
+    parts = (part.hindrance(case.actuator, lambda column: float(figures.get(column) or 0.0)) for part in case.parts)
+    found += [sentence for sentence in parts if sentence]
     if case.sheet is not None:
         found.append(
             f"a sheet of {case.sheet.stiffness / 1e3:.4g} kN/m is bonded to {case.sheet.face}: see whether the run goes on "
-            "with a softer one (--sheet-stiffness)"
+            f"with a softer one (--sheet-stiffness){locking(case.sheet.stiffness, case.actuator)}"
         )
-        if case.actuator.dimension == 3 and case.sheet.stiffness > HARDLY_STRETCHES:
-            found[-1] += (
-                f"; {HARDLY_STRETCHES / 1e3:g} kN/m hardly stretch on silicone. On meshes of solid cells a stiffer one locks: "
-                "a facet of it cannot bend and keep its lengths everywhere. Smaller cells lock less"
-            )
     return found
 
 

@@ -9,7 +9,9 @@ from softmodels.case.case import Case, CaseError
 from softmodels.mechanics.fabric import Fabric
 from softmodels.mechanics.fibres import Fibres
 from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.walls.part import Walls
 from softmodels.results.columns import term
+from softmodels.results.lost_path import advice
 
 TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
 
@@ -62,6 +64,23 @@ def test_a_face_that_the_direction_is_square_to():
     cloth = Fabric(on="end", along=1e3, across=1e3, name="cloth")
     with pytest.raises(PartError, match=r"fabric.cloth.*square to the face end"):
         sm.run(case(TUBE, cloth))
+
+
+def test_a_lost_path_names_them():
+    last = {"max_stretch": 1.1, "J_min": 0.99}
+    cloth, hoop = Fabric(on="strip", along=1e5, across=1e3), Fibres(on="outer", stiffness=2e4, angle=90.0)
+    braid = Fibres(on="wall", modulus=1.25e6, name="braid")
+    text = advice(case(HALF, cloth, hoop, braid), last)
+    assert "fabric of [fabric] has up to 100 kN/m" in text and "fibres of [fibres] have 20 kN/m" in text
+    assert "[fibres.braid] have a modulus of 1.25 MPa" in text and text.count("a stiffer one locks") == 1
+    assert "locks" not in advice(case(TUBE, Fabric(on="outer", along=1e5, across=1e3)), last)
+
+
+def test_a_lost_path_names_walls_that_press_on_each_other():
+    parts = case(TUBE, Walls(faces="outer", name="side"))
+    text = advice(parts, {"max_stretch": 1.1, "J_min": 0.99, "side_overlap_mm": 0.0123})
+    assert "[walls.side] (outer) press on each other and overlap by 0.0123 mm" in text and "than 2000" in text
+    assert "Nothing conspicuous" in advice(parts, {"max_stretch": 1.1, "J_min": 0.99})
 
 
 def test_their_columns_are_explained():

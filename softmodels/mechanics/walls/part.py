@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
 from scipy import sparse
 
+from geometries import Actuator
 from geometries.fields import field_of
 from geometries.kinds import Quantity, Words
 from softmodels.mechanics.assembled import AssembledTerm
@@ -69,6 +71,11 @@ class Walls(ContactPart):
     @property
     def in_model(self) -> str:
         return f" but for {self.faces}, which press on each other without friction"
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        depth = figure(f"{self.label}_overlap_mm")
+        pressed = f"the walls of {self.where} ({self.faces}) press on each other and overlap by {depth:.3g} mm"
+        return self.try_other(pressed) if depth else ""
 
     def term(self, setting: Setting) -> WallTerm:
         check_mesh_faces(setting.body, self.roles, self.where)
