@@ -105,14 +105,13 @@ class Gravity(DirectedLoad):
 
     def check(self) -> None:
         super().check()
+        if self.name:
+            raise PartError(f"{self.where}: a device has one gravity, without a name; write it as [gravity]")
         check_finite(self.magnitude, self.where, "magnitude")
         if not 0.0 <= self.density <= HEAVIEST:
             raise PartError(
                 f"{self.where}: a density of {self.density:g} kg/m^3 is no solid's; silicones have 1030 to 1130"
             )
-
-    def _named(self, column: str) -> str:
-        return column  # a device has one gravity
 
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         body = on.body

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from geometries.actuator import Vector
 from softmodels.case.gauges import NONE, Gauges, followed_text
 from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.solver import Solver, Tangent
 from softmodels.mechanics.system import State
 from softmodels.results.figures import Figures
@@ -105,12 +106,11 @@ class Fields:
         extremes = {field.name: self._extremes(field.sampled(values)) for field in FIELDS if field.sampled is not None}
         added = (eq.volumes() - self._rest_volumes) * eq.volume_unit
         pressures = eq.pressures_at(state) * eq.stress_unit
-        device = {
-            **actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
-            **self._gauges.figures(places, named, actuator.lift),
-        }
-        for measure in MEASURES:
-            device |= measure.compute(self.sampling, state)
+        device = together(
+            actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
+            self._gauges.figures(places, named, actuator.lift),
+            *(measure.compute(self.sampling, state) for measure in MEASURES),
+        )
         return Figures(
             pressure=state.P * eq.stress_unit if eq.drives_cavities else float(pressures.max(initial=0.0)),
             added_volume=float(actuator.ratios @ added),
@@ -174,6 +174,23 @@ class Fields:
             found = found[found[:, axis] <= least + 1e-9 * eq.length_unit]
             place.append(least)
         return place[0], place[1], place[2]
+
+
+def together(*groups: Mapping[str, float]) -> dict[str, float]:
+    """Columns of ``path.csv`` in one.
+
+    Raises:
+        PartError: Two of them bear one name, as a rigid part ``tip`` and a device whose tip has a column of its own.
+    """
+    found: dict[str, float] = {}
+    for group in groups:
+        if twice := sorted(found.keys() & group.keys()):
+            raise PartError(
+                f"two figures of this device and its parts would be the column {twice[0]} of path.csv; give the part, point or "
+                "angle that is named in it another name"
+            )
+        found |= group
+    return found
 
 
 def _place(start: Vector, shift: Array) -> Vector:

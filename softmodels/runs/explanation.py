@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.case.case import Case
-from softmodels.path.schedule import step_text
-from softmodels.results.columns import cavity_columns
+from softmodels.path.schedule import LOAD_KEYS, step_text
+from softmodels.results.columns import cavity_columns, loads_words
 from softmodels.results.lost_path import advice
 from softmodels.results.row import Row
 from softmodels.results.terms import split
@@ -38,8 +38,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         return (
             f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most:.5g} "
             f"{split(load.column)[1]}, where {_risen(device, at.rises)}; beyond it the device gives way. Stay below, take "
-            f"{device.stiffer} or a stiffer silicone, or ask for how far it moves (--travel-mm, --turn-deg), which passes the "
-            "limit"
+            f"{device.stiffer} or a stiffer silicone{_or_its_travel(load.table)}"
         )
     if case.supply is not None:
         stroke = path.value(end.limit.state) * fields.system.volume_unit * 1e6
@@ -66,20 +65,33 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
     pressures, volumes = cavity_columns(at, "pressure", "cm"), cavity_columns(at, "added_volume", "ml")
     names = [f"cavity{i} at " for i in range(1, len(pressures) + 1)] if len(pressures) > 1 else [""]
-    place = ", ".join(
+    cavities = [
         f"{name}{at[pressure]:.4g} cm with {at[volume]:.4g} ml added"
         for name, pressure, volume in zip(names, pressures, volumes, strict=True)
-    )
+    ]
+    place = ", ".join([*(cavities if case.actuator.ratios else []), *loads_words(at)])
     asked = f"step {number} of the program ({step_text(case.program, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
     if end.limit is None:
         return f"{asked} was not reached: {end}. The last state has {place}, and {moved}. {advice(case, at, petsc)}"
+    beyond, instead = "a cavity balloons", "that cavity's added volume (volume_ml) in place of its pressure"
+    if any(series.target for series in case.program):
+        beyond, instead = (
+            "the device gives way",
+            "volumes and travels (volume_ml, travel_mm) in place of pressures and forces",
+        )
     return (
-        f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it a "
-        f"cavity balloons. Stay below, take {case.actuator.stiffer} or a stiffer silicone, or give that cavity's added volume "
-        "(volume_ml) in place of its pressure"
+        f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it {beyond}."
+        f" Stay below, take {case.actuator.stiffer} or a stiffer silicone, or give {instead}"
     )
+
+
+def _or_its_travel(table: str) -> str:
+    """What passes a load's limit point: how far it moves what it acts on, if a case can request that."""
+    options = (f"--{key.replace('_', '-')}" for key, given in LOAD_KEYS[table].items() if given.held)
+    option = next(options, None)
+    return f", or ask for how far it moves ({option}), which passes the limit" if option else ""
 
 
 def _risen(device: Actuator, rises: dict[str, float]) -> str:
