@@ -1,4 +1,4 @@
-"""A region of a device in a material of its own, as a table ``[region.NAME]`` with the entries of ``[material]``."""
+"""A region of a device in a material of its own: a table ``[region.NAME]`` with the entries of ``[material]`` and a density."""
 
 from __future__ import annotations
 
@@ -6,29 +6,38 @@ import dataclasses
 from collections.abc import Mapping
 from typing import ClassVar
 
-from geometries.kinds import Text
+import numpy as np
+import numpy.typing as npt
+
+from geometries.kinds import Quantity, Text
 from softmodels.case import material_table
 from softmodels.materials.stability import check_rest
+from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed
+from softmodels.mechanics.loads import check_density
 from softmodels.mechanics.parts import PartError, register_part
 from softmodels.mechanics.regions import RegionPart
 
+DENSITY = Quantity("kg/m^3")
 MODULI = (500.0, 1e12)
 """Shear moduli in Pa that a region can have, from the softest gels to hard metals."""
 
 
 @register_part
 @dataclasses.dataclass(frozen=True)
-class Region(RegionPart):
+class Region(RegionPart, HeavyPart):
     """A region in another material, bonded to its neighbours.
 
     Attributes:
         material: Its law and parameters.
+        density: In kg/m3; that of `softmodels.mechanics.loads.Gravity` if None.
         name: Physical group of its cells, one of `Actuator.regions`.
 
     Raises:
-        PartError: No name.
+        PartError: No name, or a density that no solid has.
         MaterialError: A material that is stiffer or softer than any, or not stable at rest.
     """
+
+    density: float | None = None
 
     table: ClassVar[str] = "region"
 
@@ -42,17 +51,29 @@ class Region(RegionPart):
                 "the units of its parameters"
             )
         check_rest(self.material)
+        if self.density is not None:
+            check_density(DENSITY.settled(f"{self.where} density", self.density), self.where)
+
+    def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
+        if self.density is None or self.density == density:
+            return []
+        return [Weighed(on.mean(along, region=self.name), (self.density - density) * on.volume(self.name))]
 
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Region:
-        return cls(material_table.from_table(table), name=name)
+        law = {key: value for key, value in table.items() if key != "density"}
+        given = table.get("density")
+        density = None if given is None else DENSITY.read(f"[region.{name}] density", given)
+        return cls(material_table.from_table(law), density, name=name)
 
     def write_table(self, text: Text) -> dict[str, object]:
-        return material_table.to_table(self.material, text)
+        density = {} if self.density is None else {"density": text(self.density, DENSITY.unit)}
+        return {**material_table.to_table(self.material, text), **density}
 
     @property
     def explained(self) -> Mapping[str, str]:
-        return {field.name: field.metadata["help"] for field in dataclasses.fields(self.material)}
+        law = {field.name: field.metadata["help"] for field in dataclasses.fields(self.material)}
+        return {**law, "density": "density of the region; that of [gravity] if left out"}
 
     @property
     def label(self) -> str:

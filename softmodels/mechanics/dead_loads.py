@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.mechanics.cell_measure import cell_measure
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.parts import Equations, Part, PartError
 
@@ -163,25 +164,32 @@ class Spread:
 
         return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
 
-    def measure(self, role: str = "") -> Expr:
-        """Of the undeformed facets of a role, or of the whole body; of all the circle in an axisymmetric section."""
+    def measure(self, role: str = "", region: str = "") -> Expr:
+        """Of the undeformed facets of a role, of a region, or of the whole body; of all the circle in a section."""
+        if region:
+            return cell_measure(self.body, self.body.regions[region])
         return self.body.sheet_face(role)[0] if role else self.body.measures()[0]
 
-    def integral(self, density: Expr, role: str = "") -> float:
-        """Of a density over the undeformed facets of a role, or over the body."""
+    def integral(self, density: Expr, role: str = "", region: str = "") -> float:
+        """Of a density over the undeformed facets of a role, over a region, or over the body."""
         from dolfinx import fem
 
-        return self.system.integral(fem.form(density * self.body.hoop * self.measure(role)))
+        return self.system.integral(fem.form(density * self.body.hoop * self.measure(role, region)))
 
-    def mean(self, along: npt.ArrayLike, role: str = "") -> ufl.Form:
-        """Mean test displacement along a vector of the mesh over a face, or over the body."""
+    def volume(self, region: str = "") -> float:
+        """Undeformed volume in m3 of a region, or of the body, of the whole device."""
+        actuator = self.body.actuator
+        return self.integral(self.constant(1.0), region=region) * actuator.size**3 * actuator.copies
+
+    def mean(self, along: npt.ArrayLike, role: str = "", region: str = "") -> ufl.Form:
+        """Mean test displacement along a vector of the mesh over a face, a region, or the body."""
         import ufl
 
-        size = self.integral(self.constant(1.0), role)
+        size = self.integral(self.constant(1.0), role, region)
         if not size > 0.0:
             raise PartError(f"the face {role!r} has no facets on this mesh")
         vector = self.constant(np.asarray(along, dtype=float) / size)
-        return ufl.dot(vector, self.test) * self.body.hoop * self.measure(role)
+        return ufl.dot(vector, self.test) * self.body.hoop * self.measure(role, region)
 
 
 class DeadLoads:

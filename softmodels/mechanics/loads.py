@@ -79,7 +79,7 @@ class Gravity(DirectedLoad):
 
     Attributes:
         direction: Where to, in device coordinates.
-        density: Of the silicone.
+        density: Of the silicone, and of regions without one of their own.
         magnitude: Acceleration.
     """
 
@@ -108,16 +108,11 @@ class Gravity(DirectedLoad):
         if self.name:
             raise PartError(f"{self.where}: a device has one gravity, without a name; write it as [gravity]")
         check_finite(self.magnitude, self.where, "magnitude")
-        if not 0.0 <= self.density <= HEAVIEST:
-            raise PartError(
-                f"{self.where}: a density of {self.density:g} kg/m^3 is no solid's; silicones have 1030 to 1130"
-            )
+        check_density(self.density, self.where)
 
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
-        body = on.body
-        solid = on.integral(on.constant(1.0)) * body.actuator.size**3 * body.actuator.copies
-        along = in_section(self.vector, body.actuator.dimension)
-        masses = [Weighed(on.mean(along), self.density * solid)] if self.density else []
+        along = in_section(self.vector, on.body.actuator.dimension)
+        masses = [Weighed(on.mean(along), self.density * on.volume())] if self.density else []
         masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along, self.density)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
@@ -254,6 +249,12 @@ class Moment(FaceLoad):
             size = on.integral(ufl.dot(arm, arm), self.face)
             form = ufl.dot(on.constant(1 / size) * arm, on.test) * on.body.hoop * on.measure(self.face)
             return Weighed(form, self.amount)
+
+
+def check_density(density: float, where: str) -> None:
+    """Refuse, with `PartError`, a density in kg/m3 that no solid has."""
+    if not 0.0 <= density <= HEAVIEST:
+        raise PartError(f"{where}: a density of {density:g} kg/m^3 is no solid's; silicones have 1030 to 1130")
 
 
 @contextlib.contextmanager

@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.materials.material import Material, MaterialError
-from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.cell_measure import cell_measure
 from softmodels.mechanics.named_places import check_regions
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.region_space import numbered
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from dolfinx import fem, mesh
 
 Array = npt.NDArray[np.float64]
-CELLS = SHEET
-"""Tag of a region's cells in the forms: one for all regions, or each would have its own compiled forms."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,15 +152,9 @@ class Regions:
             )
 
     def _cells(self, number: int) -> tuple[npt.NDArray[np.int32], ufl.Measure]:
-        import ufl
-        from dolfinx import mesh as meshes
-
         assert self.numbers is not None
-        mesh = self._body.mesh
         cells = np.flatnonzero(self.numbers == number).astype(np.int32)
-        tags = meshes.meshtags(mesh, mesh.topology.dim, cells, np.full(len(cells), CELLS, dtype=np.int32))
-        metadata = {"quadrature_degree": QUADRATURE_DEGREE}
-        return cells[cells < self._owned()], ufl.Measure("dx", mesh, subdomain_data=tags, metadata=metadata)(CELLS)
+        return cells[cells < self._owned()], cell_measure(self._body, cells)
 
 
 def constants(mesh: mesh.Mesh, material: Material) -> types.SimpleNamespace:

@@ -10,9 +10,8 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from softmodels.mechanics.body import QUADRATURE_DEGREE, SHEET, Body
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.cell_measure import cell_measure
 from softmodels.mechanics.parts import Equations, Foresight, PartError, Setting, Term
 
 if TYPE_CHECKING:
@@ -48,17 +47,9 @@ def faces(body: Body, names: Sequence[str]) -> list[Place]:
 
 def regions(body: Body, names: Sequence[str]) -> list[Place]:
     """The regions of these names; the whole body if there are none."""
-    return [_region(body, name) for name in names] if names else [Place(body.measures()[0], None)]
-
-
-def _region(body: Body, name: str) -> Place:
-    import ufl
-    from dolfinx import mesh as meshes
-
-    cells = np.sort(body.regions[name])
-    tags = meshes.meshtags(body.mesh, body.mesh.topology.dim, cells, np.full(len(cells), SHEET, dtype=np.int32))
-    rule = {"quadrature_degree": QUADRATURE_DEGREE}
-    return Place(ufl.Measure("dx", body.mesh, subdomain_data=tags, metadata=rule)(SHEET), None, name)
+    if not names:
+        return [Place(body.measures()[0], None)]
+    return [Place(cell_measure(body, body.regions[name]), None, name) for name in names]
 
 
 def change_along(F: Expr, direction: Expr) -> Expr:

@@ -12,6 +12,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from geometries import Actuator, Beam, Hold, HollowDisk
 from geometries.fields import length_field, number_field
+from softmodels.case.region import Region
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
@@ -84,6 +85,36 @@ class Rod(Actuator):
             gmsh.model.addPhysicalGroup(1, [curve], name=name)
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TwoPartRod(Rod):
+    """A rod whose lower half is the region ``lower``."""
+
+    along: float = number_field(12.0, "cells along each half")
+    regions = ("lower",)
+
+    def build(self):
+        import gmsh
+
+        occ, mesh, half = gmsh.model.occ, gmsh.model.mesh, 0.5 * self.length
+        upper, lower = (occ.addRectangle(0, z, 0, self.radius, half) for z in (-half, -self.length))
+        occ.fragment([(2, upper)], [(2, lower)])
+        occ.synchronize()
+        groups = {"outer": [], "support": [], "tip": [], "axis": []}
+        for _, curve in gmsh.model.getEntities(1):
+            box = np.array(gmsh.model.getBoundingBox(1, curve)).reshape(2, 3)
+            (x, z), upright = box.mean(axis=0)[:2], np.ptp(box[:, 1]) > 0.1 * half
+            mesh.setTransfiniteCurve(curve, round(self.along if upright else 1) + 1)
+            if upright:
+                groups["outer" if x > 0.5 * self.radius else "axis"].append(curve)
+            elif abs(z + half) > 0.1 * half:
+                groups["support" if z > -half else "tip"].append(curve)
+        for name, face in (("solid", upper), ("lower", lower)):
+            mesh.setTransfiniteSurface(face)
+            gmsh.model.addPhysicalGroup(2, [face], name=name)
+        for name, curves in groups.items():
+            gmsh.model.addPhysicalGroup(1, curves, name=name)
+
+
 ROD, BLOCK = Rod(), Rod(length=0.004, along=1.0)
 GRAVITY = Gravity(direction="-z", density=DENSITY, magnitude=ACCELERATION)
 PULL = Force(face="tip", direction="0, 0, -2", name="tip")
@@ -96,8 +127,12 @@ def stretch(stress, law_mu=MU):
 
 def tip_of(force, weight_share=1.0):
     """Displacement of the rod's end: every section bears what hangs below it."""
-    below = DENSITY * ACCELERATION * weight_share
-    return quad(lambda s: stretch(below * s + force / ROD.area) - 1, 0.0, ROD.length)[0]
+    return drawn(DENSITY * weight_share, force, ROD.length)
+
+
+def drawn(density, force, length):
+    """By how much a piece of rod is longer under its own weight and a force at its end."""
+    return quad(lambda s: stretch(density * ACCELERATION * s + force / ROD.area) - 1, 0.0, length)[0]
 
 
 def sag_of():
@@ -143,6 +178,21 @@ def test_a_hanging_rod(hanging, figure):
     figure(against, "displacement of its end", tip / tip_of(0.0) - 1, 1.5e-4)
     figure(against, "its sag", sag / sag_of() - 1, 1.5e-4)
     assert tip > 0.3 * ROD.length and stretch(DENSITY * ACCELERATION * ROD.length) > 1.5
+
+
+def test_a_rod_of_two_densities(body_of, figure):
+    """Its lower half is heavier than the upper one: the difference is added, and taken off where it is lighter."""
+    law, half = NeoHookean(MU, 0.5), 0.5 * ROD.length
+    body = body_of(TwoPartRod())
+    for density in (0.4 * DENSITY, 1.6 * DENSITY):
+        solver = Solver(System(body, law, parts=[GRAVITY, Region(law, density, name="lower"), PULL]))
+        weight = float(solver.system.dead.amounts[0])
+        assert weight == pytest.approx((DENSITY + density) * ACCELERATION * half * ROD.area, rel=1e-12)
+    hung = hang(solver, [("its weight", magnitudes(solver, gravity=weight))], lambda text: None)
+    below = density * ACCELERATION * half * ROD.area
+    tip = drawn(density, 0.0, half) + drawn(DENSITY, below, half)
+    found = (hung.driven * solver.system.dead.moved_units)[1]
+    figure("a hanging rod of two densities", "displacement of its end", found / tip - 1, 1.5e-4)
 
 
 def test_a_force_from_the_hanging_state(hanging, figure):

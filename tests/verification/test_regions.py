@@ -231,3 +231,11 @@ def test_what_is_no_region(layered, body_of):
         Region(SOFT)
     with pytest.raises(PartError, match="check the units"):
         Region(NeoHookean(30.0), name="shell")
+    with pytest.raises(PartError, match=r"region.shell.*a density of 1.07e\+06 kg/m\^3 is no solid's"):
+        Region(SOFT, 1.07e6, name="shell")
+
+
+def test_a_density_comes_back_from_a_case_file():
+    parts = (Region(HARD, 1250.0, name="cap"), Region(HARD, name="wall"))
+    case = sm.Case("tube", sm.Cylinder(), SOFT, pressures_cm=(1.0,), parts=parts)
+    assert sm.Case.from_toml(case.to_toml()) == case and case.to_toml().count("\ndensity = ") == 1
