@@ -173,7 +173,7 @@ def _answered(
             values = samples(question.tolerances, question.count, question.normal)
             first = next(iter(materials.values()))
             sampled = scatter(case, first, question.tolerances, values, comm)
-    except (CaseError, ObstacleError, PartError) as error:
+    except (CaseError, GeometryError, ObstacleError, PartError) as error:
         fail(str(error))
     except (MeshingError, BodyError, CompilingError) as error:
         fail(str(error), FAILED)

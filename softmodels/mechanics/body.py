@@ -22,6 +22,7 @@ from geometries import Actuator, Hold
 from geometries.actuator import Vector
 from geometries.mesh_files import load_mesh
 from geometries.meshing import private_model
+from geometries.openings import Opening, cavity_roles, find_openings
 from measurement.wording import Spoken
 from softmodels.mechanics.compiling import compiling, mend_cache
 from softmodels.mechanics.mpi import is_root, on_root
@@ -56,6 +57,7 @@ class Body:
         skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
         regions: Local cells by the name of their physical group, ghosts too.
         holds: What is held beside the cut planes: the device's own holds, unless clamps hold it (`mechanics.holds`).
+        openings: Where its cavities' walls end.
     """
 
     actuator: Actuator
@@ -65,6 +67,7 @@ class Body:
     skew: npt.NDArray[np.float64]
     regions: dict[str, npt.NDArray[np.int32]] = dataclasses.field(default_factory=dict)
     holds: tuple[Hold, ...] = ()
+    openings: tuple[Opening, ...] = ()
 
     def __post_init__(self) -> None:
         # Made with the body: a form's constants count in the order they were made, and another order is another form.
@@ -88,6 +91,7 @@ class Body:
         with private_model() if is_root(comm) else contextlib.nullcontext():
             # What is wrong with a file is an error on all ranks, not a hang.
             groups = on_root(comm, lambda: load_mesh(path, actuator.dimension))
+            openings = on_root(comm, lambda: find_openings(actuator))
             with compiling():
                 data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
         data.mesh.geometry.x[:] /= actuator.size
@@ -99,18 +103,16 @@ class Body:
                 regions[name] = data.cell_tags.find(tag)
             else:
                 entities[name] = (dimension, by_dimension[dimension].find(tag))
-        names = ["cavity", *(f"cavity{i + 1}" for i in range(1, len(actuator.ratios)))][: len(actuator.ratios)]
-        if names and "cavity" not in entities:
-            raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named 'cavity' to put a pressure on")
+        names = cavity_roles(actuator)
         if missing := [name for name in names if name not in entities]:
-            raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r}")
+            raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r} to press on")
         walls = [entities[name][1] for name in names]
         tags = np.repeat(_cavity_tags(len(names)), [len(wall) for wall in walls])
         facets = np.concatenate([*walls, np.empty(0, dtype=np.int32)])  # a beam has no cavity
         order = np.argsort(facets)
         cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
         holds = tuple(actuator.holds)
-        return cls(actuator, data.mesh, cavity, entities, _skew(actuator, holds), regions, holds)
+        return cls(actuator, data.mesh, cavity, entities, _skew(actuator, holds), regions, holds, openings)
 
     def held_by(self, holds: Sequence[Hold]) -> Body:
         """The same body held in another way."""

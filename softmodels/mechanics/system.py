@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from geometries.openings import check_closed
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.assembled import AssembledTerms
@@ -83,6 +84,7 @@ class System(Assembly):
 
     Raises:
         BodyError: A cavity whose wall encloses another volume than the device's.
+        GeometryError: A cavity that is open.
         MaterialError: An incompressible material in the displacement formulation.
         ObstacleError: A plane that these faces cannot come to rest on.
         PartError: A part that cannot be on this mesh.
@@ -105,6 +107,7 @@ class System(Assembly):
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
         check_compressible(material, parts, formulation == "mixed")
         self.body, self.formulation, self.sheet, self.comm = clamped(body, parts), formulation, sheet, body.mesh.comm
+        check_closed(body.actuator, body.openings, self.body.holds)
         self.mixed = formulation == "mixed"
         self.potential = self.potential_class(self.body, material, self.mixed, sheet, obstacle, parts)
         self.space, self.w, self.contact = self.potential.space, self.potential.w, self.potential.contact

@@ -1,0 +1,125 @@
+"""Cavities are closed: by their walls, by cut planes, or by a plane in which a support holds their rim."""
+
+from __future__ import annotations
+
+import gmsh
+import numpy as np
+import pytest
+
+from geometries import ACTUATORS, Balloon, Cylinder, GeometryError, PneuNet, imported_mesh, pneunet_shape
+from geometries.meshing import private_model
+from geometries.mirroring import mirror_mesh
+from geometries.openings import check_closed, find_openings
+from softmodels.__main__ import softmodels
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.holds import Clamp
+from softmodels.mechanics.system import System
+
+CUT = {"section": "wedge", "angle": 45.0}
+COARSE = [
+    *({"device": name} for name in ("Balloon", "Bellows", "BendingBellows", "Membrane", "Cylinder", "HollowDisk")),
+    {"device": "Balloon", "neck_radius": 0.0},
+    {"device": "Balloon", "rod_radius": 0.002},
+    {"device": "Balloon", "held": "outside"},
+    {"device": "Membrane", "thickness": 0.005, "through": 1, "cell_size": 0.005, "clamp_width": 0.005, "clamp": "slip", **CUT},
+    {"device": "Cylinder", "section": "half", "strip": 120.0, "cell_size": 0.008, "wall": 0.004, "length": 0.02},
+    {"device": "Cylinder", "section": "whole", "cell_size": 0.008, "wall": 0.004, "length": 0.02, "base": "sliding"},
+    {"device": "HollowDisk", "section": "axisymmetric", "support": "rim"},
+    {"device": "PneuNet", "chambers": 2, "sides": 2},
+    {"device": "PneuNet", "chambers": 2, "part": "full", "gap": 0.0},
+    {"device": "SeminarActuator", "channels": 1, "spread": 20.0, "around": 4.0, "cell_size": 0.006},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("options", COARSE, ids=str)
+def test_devices_of_the_library_are_closed(options):
+    device = ACTUATORS[options["device"]](**{name: value for name, value in options.items() if name != "device"})
+    with private_model():
+        device.build()
+        gmsh.model.mesh.generate(device.dimension - 1)  # faces are enough
+        for mirror in device.mirrors:
+            mirror_mesh(mirror)
+        openings = find_openings(device)
+    check_closed(device, openings, device.holds)
+    neck, rod = (getattr(device, name, 0.0) > 0.0 for name in ("neck_radius", "rod_radius"))
+    assert len(openings) == (options["device"] in ("Membrane", "Cylinder")) + neck + rod
+
+
+def test_a_device_whose_air_misses_a_face_is_refused(ended, monkeypatch, tmp_path):
+    """The floor of the air is a face of the base: a role that forgets it left the volume 4 % wrong, and the base unpressed."""
+    known = pneunet_shape._role
+
+    def forgetful(finger, tag):
+        low, high = pneunet_shape.face_block(tag)
+        floor = np.allclose((low[2], high[2]), 0.5 * finger.base, atol=1e-9)
+        return "outer" if floor else known(finger, tag)
+
+    monkeypatch.setattr(pneunet_shape, "_role", forgetful)
+    words = (
+        "run",
+        "--device",
+        "PneuNet",
+        "--chambers",
+        1,
+        "--chamber-length",
+        "10mm",
+        "--cell-size",
+        "4mm",
+        "--pressure-cm",
+        1,
+        "--no-pictures",
+        "--quiet",
+    )
+    status, _, told = ended(softmodels, *words, "--output", tmp_path / "run")
+    assert status == 2 and told.count("\n") == 1
+    assert "'cavity' of PneuNet end near" in told and "other faces are (outer)" in told and "1.5 mm" in told
+    words = ("limit", "--device", "PneuNet", "--chambers", 1, "--chamber-length", "10mm", "--cell-size", "4mm")
+    status, _, again = ended(softmodels, *words)
+    assert status == 2 and again == told
+
+
+def test_an_imported_mesh_whose_air_misses_a_face_is_refused(ended, monkeypatch, tmp_path):
+    """A mesh file of another program; what picks its roles is made to leave out the floor of the air."""
+    finger = PneuNet(chambers=1, chamber_length=0.01, cell_size=0.004)
+    finger.write(tmp_path / "finger.msh")
+    roles = imported_mesh.find_roles
+
+    def forgetful(part, mesh):
+        found = roles(part, mesh)
+        floor = np.abs(mesh.corners[found["cavity"]][:, :, 2] - 0.5 * finger.base).max(axis=1) < 1e-9
+        return found | {"cavity": found["cavity"][~floor], "outer": np.union1d(found["outer"], found["cavity"][floor])}
+
+    words = ("run", "--device", "ImportedMesh", "--file", tmp_path / "finger.msh", "--unit", "m", "--cavities", "at 9, 0, 8 mm",
+             "--support", "x = 0 mm", "--planes", "y = 0 mm", "--pressure-cm", 0.1, "--quiet", "--no-pictures")  # fmt: skip
+    monkeypatch.setattr(imported_mesh, "find_roles", forgetful)
+    status, _, told = ended(softmodels, *words, "--output", tmp_path / "run")
+    assert status == 2 and told.count("\n") == 1
+    assert "'cavity' of ImportedMesh end near" in told and "outer" in told and "1.5 mm" in told
+
+
+def test_a_rim_has_to_stay_in_its_plane(comm, tmp_path):
+    """A tube that slides on its bench along the axis has no known volume; one that slides across it has."""
+    tube, law = Cylinder(end="held"), NeoHookean(30e3)
+    body = Body.from_file(tube, tube.write(tmp_path / "tube.msh"), comm)
+    with pytest.raises(GeometryError, match=r"hold one of these faces along 0, 0, 1"):
+        System(body, law, parts=[Clamp("support", slip="z")])
+    assert System(body, law, parts=[Clamp("support", along="z")]).rest().V > 0
+
+
+@pytest.mark.parametrize(
+    "device", [Balloon(), Cylinder(section="half", cell_size=0.008, wall=0.004, length=0.02)], ids=["section", "half"]
+)
+def test_a_rim_off_the_origin_is_in_no_plane(device):
+    """A plane that is not through the origin adds to the volume's integral, whoever holds it."""
+    up = np.array([0.0, 1e-3, 0.0] if device.dimension == 2 else [0.0, 0.0, 1e-3])
+    with private_model():
+        device.build()
+        gmsh.model.mesh.generate(device.dimension - 1)
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        for tag, place in zip(tags, places.reshape(-1, 3), strict=True):
+            gmsh.model.mesh.setNode(tag, place + up, [])
+        (opening,) = find_openings(device)
+    assert opening.normal is None
+    with pytest.raises(GeometryError, match="so that the cavity is open there"):
+        check_closed(device, [opening], device.holds)
