@@ -11,6 +11,7 @@ from geometries.meshing import private_model
 from geometries.mirroring import mirror_mesh
 from geometries.openings import check_closed, find_openings
 from softmodels.__main__ import softmodels
+from softmodels.case.case import Case
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.holds import Clamp
@@ -56,26 +57,12 @@ def test_a_device_whose_air_misses_a_face_is_refused(ended, monkeypatch, tmp_pat
         return "outer" if floor else known(finger, tag)
 
     monkeypatch.setattr(pneunet_shape, "_role", forgetful)
-    words = (
-        "run",
-        "--device",
-        "PneuNet",
-        "--chambers",
-        1,
-        "--chamber-length",
-        "10mm",
-        "--cell-size",
-        "4mm",
-        "--pressure-cm",
-        1,
-        "--no-pictures",
-        "--quiet",
-    )
-    status, _, told = ended(softmodels, *words, "--output", tmp_path / "run")
+    case = Case("f", PneuNet(chambers=1, chamber_length=0.01, cell_size=0.004), NeoHookean(30e3), pressures_cm=(1.0,))
+    (tmp_path / "finger.toml").write_text(case.to_toml())
+    status, _, told = ended(softmodels, "run", tmp_path / "finger.toml", "--quiet", "--output", tmp_path / "run")
     assert status == 2 and told.count("\n") == 1
     assert "'cavity' of PneuNet end near" in told and "other faces are (outer)" in told and "1.5 mm" in told
-    words = ("limit", "--device", "PneuNet", "--chambers", 1, "--chamber-length", "10mm", "--cell-size", "4mm")
-    status, _, again = ended(softmodels, *words)
+    status, _, again = ended(softmodels, "limit", tmp_path / "finger.toml")
     assert status == 2 and again == told
 
 
