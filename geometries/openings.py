@@ -96,25 +96,27 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
     """Where the cavities of the mesh in the current Gmsh model end, but on cut planes and on the axis of a section."""
     import gmsh  # type: ignore[import-untyped]
 
-    groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
+    d = actuator.dimension
+    groups = [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
+    walls = {name: (dimension, tag) for dimension, tag, name in groups if dimension == d - 1}
     members: dict[str, Ints] = {}
 
     def nodes(name: str) -> Ints:
-        if name not in members:
-            found = gmsh.model.mesh.getNodesForPhysicalGroup(*groups[name])[0]
-            members[name] = np.unique(found.astype(np.int64))
+        if name not in members:  # a region and a face may bear one name
+            found = [gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0] for *group, known in groups if known == name]
+            members[name] = np.unique(np.concatenate(found).astype(np.int64))
         return members[name]
 
-    symmetric = [plane.name for plane in actuator.cut_planes if plane.name in groups]
-    symmetric += ["axis"] if actuator.dimension == 2 and "axis" in groups else []
+    symmetric = [*(plane.name for plane in actuator.cut_planes), *(["axis"] if d == 2 else [])]
     found = []
     for cavity in cavity_roles(actuator):
-        if cavity not in groups:
+        if cavity not in walls:
             continue  # which is reported where the mesh is read
-        rim = _rim(groups[cavity], actuator.dimension)
+        rim = _rim(walls[cavity], d)
         for name in symmetric:
-            rim = rim[~np.isin(rim, nodes(name)).all(axis=1)]
-        others = [name for name in groups if name != cavity] if len(rim) else []
+            if name in walls:
+                rim = rim[~np.isin(rim, nodes(name)).all(axis=1)]
+        others = dict.fromkeys(name for _, _, name in groups if name != cavity) if len(rim) else {}
         for edges in _pieces(rim):
             line = np.unique(edges)
             places = actuator.device_points(np.array([gmsh.model.mesh.getNode(int(tag))[0] for tag in line]))
@@ -123,10 +125,9 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
                 for row in np.array([np.isin(line, nodes(name)) for name in others]).T
             )
             x, y, z = (float(value) for value in places.mean(axis=0))
-            faces = sorted(
-                name for name in set().union(*kinds, ()) - {*symmetric} if groups[name][0] < actuator.dimension
-            )
-            found.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, tuple(faces)))
+            faces = {name for dimension, _, name in groups if dimension < d and name not in symmetric}
+            beside = tuple(sorted(faces & frozenset().union(*kinds)))
+            found.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, beside))
     return tuple(found)
 
 
