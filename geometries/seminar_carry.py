@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.interpolate
+import scipy
 
 from geometries.errors import GeometryError
 from geometries.seminar_junction import Array

@@ -3,7 +3,7 @@
 Everything inside the project is SI; units live only where text is read or written. A bare number where a unit belongs is
 refused, because a silent guess (metres? millimetres?) looks like a solver that diverges. So is all that is not one number
 and one unit: Pint by itself drops commas (1,5mm would be 15 mm), multiplies numbers that stand side by side and evaluates
-powers of any size. It gets to see the unit alone.
+powers of any size. It gets to see the unit alone, and that only where the unit is not one of `common_units`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,12 @@ import functools
 import math
 import re
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pint
+from measurement.common_units import FACTORS
+
+if TYPE_CHECKING:
+    import pint
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity in m/s2 (CGPM 1901)."""
@@ -40,6 +43,8 @@ class UnitError(ValueError):
 
 @functools.cache
 def _registry() -> pint.UnitRegistry:
+    import pint
+
     return pint.UnitRegistry(cache_folder=None)
 
 
@@ -120,18 +125,30 @@ def quantity(text: str | float, unit: str) -> float:
         if unit and read != 0.0:
             raise UnitError(f"{shown} has no unit{hint}")
         return read
+    factor = FACTORS.get(unit, {}).get(written)
+    value = read * factor if factor is not None else _converted(read, written, unit, shown, hint)
+    if not math.isfinite(value):
+        raise UnitError(f"{shown} is not a finite number")
+    return value
+
+
+def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> float:
+    """A number in one unit as one in another, by Pint.
+
+    Raises:
+        UnitError: The unit is unknown, or of another kind.
+    """
+    import pint
+
     known = _unit(written)
     if known is None:
         raise UnitError(f"{shown} has an unknown unit, {brief(written)}{hint}")
     try:
         if bool(_ANGLES & set(known._units)) != (unit == "degree"):  # to Pint an angle is a pure number
             raise pint.DimensionalityError(known, unit)
-        value = float(_registry().Quantity(read, known).to(unit or "dimensionless").magnitude)
+        return float(_registry().Quantity(read, known).to(unit or "dimensionless").magnitude)
     except (pint.PintError, ArithmeticError, TypeError, ValueError):
         raise UnitError(f"{shown} cannot be read in {unit or 'pure numbers'}{hint}") from None
-    if not math.isfinite(value):
-        raise UnitError(f"{shown} is not a finite number")
-    return value
 
 
 def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:

@@ -30,7 +30,7 @@ from softmodels.materials.stability import check_rest
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.sheet import Sheet
 from softmodels.path.air_supply import AirSupply
-from softmodels.path.schedule import Program
+from softmodels.path.program import Program
 
 __all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "entries"]
 

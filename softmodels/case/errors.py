@@ -10,7 +10,7 @@ from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.parts import PartError
 from softmodels.path.air_supply import SupplyError
-from softmodels.path.schedule import ProgramError
+from softmodels.path.program import ProgramError
 
 
 class CaseError(Spoken, ValueError):

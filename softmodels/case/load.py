@@ -10,10 +10,10 @@ from softmodels.case.errors import CaseError
 from softmodels.case.load_request import WORDS, LoadRequest
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.parts import Part
-from softmodels.path import schedule as programs
+from softmodels.path import program as programs
 from softmodels.path.air_supply import AirSupply
+from softmodels.path.program import EVERY_KEY, Program
 from softmodels.path.quantities import DeadForce, Travel
-from softmodels.path.schedule import EVERY_KEY, Program
 
 STIFFNESS_RANGE = 30.0
 """Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""

@@ -11,7 +11,7 @@ from geometries.kinds import Quantity, Text, Words
 from softmodels.case.entries import MISSING, Entry, Missing, Option, SeriesKind, Tables, Written, table_of
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.parts import Part
-from softmodels.path.schedule import EVERY_KEY, LOAD_KEYS
+from softmodels.path.program import EVERY_KEY, LOAD_KEYS
 
 ASKED = {
     "force_N": "forces in N on a face (--force), in place of pressures: 0:10 or 0,2,5",

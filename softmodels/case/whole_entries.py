@@ -10,8 +10,8 @@ from softmodels.case import material_table
 from softmodels.case.entries import MISSING, Entry, Missing, Tables, Written, table_of
 from softmodels.case.gauges import Gauges
 from softmodels.materials.laws import Material
-from softmodels.path import schedule as programs
-from softmodels.path.schedule import LOAD_KEYS, Program
+from softmodels.path import program as programs
+from softmodels.path.program import LOAD_KEYS, Program
 
 
 class NameEntry(Entry[object]):

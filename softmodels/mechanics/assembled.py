@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
+import scipy
 
 from softmodels.mechanics.face_nodes import FaceNodes
 from softmodels.mechanics.parts import Term
@@ -47,7 +47,7 @@ class AssembledTerm(Term):
         super().__init__([])
         self.nodes = nodes
         self.bcs: Sequence[fem.DirichletBC] = ()
-        self._known = sparse.csr_array((len(nodes.places), len(nodes.places)), dtype=np.bool_)
+        self._known = scipy.sparse.csr_array((len(nodes.places), len(nodes.places)), dtype=np.bool_)
         self._in_matrix = 0
         self._state = np.full(nodes.dofs.shape, np.nan)
 
@@ -66,11 +66,11 @@ class AssembledTerm(Term):
         """Derivative of the energy by the nodes' places, shape (n, d)."""
 
     @abc.abstractmethod
-    def stiffness_here(self) -> sparse.csr_array:
+    def stiffness_here(self) -> scipy.sparse.csr_array:
         """Second derivative of the energy, shape (n d, n d)."""
 
     @abc.abstractmethod
-    def coupled(self) -> sparse.csr_array:
+    def coupled(self) -> scipy.sparse.csr_array:
         """Nodes that are coupled, or soon may be: true where they are, shape (n, n), symmetric."""
 
     # -- what the system calls -----------------------------------------------------------------------------------------
@@ -79,7 +79,7 @@ class AssembledTerm(Term):
         values = self.nodes.values(w)
         if not np.array_equal(values, self._state):
             self._state = values
-            self._matrix: sparse.csr_array | None = None
+            self._matrix: scipy.sparse.csr_array | None = None
             self.move(np.asarray(self.nodes.places + values @ self.nodes.skew.T))
 
     @property
@@ -106,13 +106,13 @@ class AssembledTerm(Term):
             forces = forces * self._free
         b[self.nodes.local] += forces[self.nodes.mine]
 
-    def matrix(self, w: Array) -> sparse.csr_array:
+    def matrix(self, w: Array) -> scipy.sparse.csr_array:
         """Second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d)."""
         self._take(w)
         if self._matrix is None:
-            turn = sparse.kron(sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
-            free = sparse.diags_array(self._free.ravel().astype(float))
-            self._matrix = sparse.csr_array(free @ (turn.T @ self.stiffness_here() @ turn) @ free)
+            turn = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
+            free = scipy.sparse.diags_array(self._free.ravel().astype(float))
+            self._matrix = scipy.sparse.csr_array(free @ (turn.T @ self.stiffness_here() @ turn) @ free)
         return self._matrix
 
     def add_product(self, w: Array, x: Array, y: Array) -> None:
@@ -136,7 +136,7 @@ class AssembledTerm(Term):
         n, start = K.getLocalSize()[0], self.nodes.owned[0]
         shape = (n, self.nodes.total_dofs)
         at = (dofs[rows[mine]] - start, dofs[columns[mine]])
-        added = sparse.csr_array(sparse.coo_array((entries[mine], at), shape=shape))
+        added = scipy.sparse.csr_array(scipy.sparse.coo_array((entries[mine], at), shape=shape))
         added.sort_indices()
         size = ((n, PETSc.DETERMINE), (n, PETSc.DETERMINE))
         csr = (added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data)
@@ -148,13 +148,13 @@ class AssembledTerm(Term):
         self._in_matrix = pattern.nnz
         A.destroy()
 
-    def _pattern(self) -> sparse.csr_array:
+    def _pattern(self) -> scipy.sparse.csr_array:
         """Entries that have ever been coupled, shape (n d, n d)."""
         new = self.coupled()
         if (new > self._known).nnz:
-            self._known = sparse.csr_array(self._known + new)
+            self._known = scipy.sparse.csr_array(self._known + new)
         d = self.nodes.dofs.shape[1]
-        return sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
+        return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
 
 
 class AssembledTerms:

@@ -11,8 +11,7 @@ import dataclasses
 import itertools
 from collections.abc import Callable
 
-from scipy.interpolate import BarycentricInterpolator
-from scipy.optimize import brentq
+import scipy
 
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.corrector import Corrector
@@ -157,8 +156,10 @@ def _root(known: list[Known], scale: float) -> float:
     (_, low), (_, high) = _around(far)
     middle = (low.state.V + high.state.V) / 2
     used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:SAMPLES]
-    through = BarycentricInterpolator([point.state.V for _, point in used], [value for value, _ in used])
-    return float(brentq(through, low.state.V, high.state.V, xtol=1e-13 * abs(middle)))
+    through = scipy.interpolate.BarycentricInterpolator(
+        [point.state.V for _, point in used], [value for value, _ in used]
+    )
+    return float(scipy.optimize.brentq(through, low.state.V, high.state.V, xtol=1e-13 * abs(middle)))
 
 
 def _around(known: list[Known]) -> tuple[Known, Known]:

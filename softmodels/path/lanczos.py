@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
+import scipy
 
 from softmodels.mechanics.newton import NoConvergence
 

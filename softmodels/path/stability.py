@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
+import scipy
 
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.region_space import entries_of

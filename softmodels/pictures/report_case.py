@@ -10,7 +10,7 @@ from geometries import table as geometry_table
 from geometries.fields import about
 from measurement.units import readable
 from softmodels.case import material_table
-from softmodels.path.schedule import named
+from softmodels.path.program import named
 from softmodels.results.stored import States
 
 Table = tuple[str, list[tuple[str, str, str]]]

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from softmodels.case.case import Case
 from softmodels.case.identity import difference
 from softmodels.mechanics.mpi import is_root, largest, on_root
-from softmodels.path.schedule import Stop, goes_on
+from softmodels.path.program import goes_on
+from softmodels.path.stages import Stop
 from softmodels.results.columns import cavity_columns
 from softmodels.results.outcomes import BAD_INPUT, RunError
 from softmodels.results.store import Results

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+import scipy
 
 from softmodels.results.triangles import EDGES, FACES, Array, Cells
 
@@ -84,7 +84,7 @@ class Walls:
             if beyond.max(initial=-np.inf) > THROUGH * self.size:
                 return np.asarray(middle[int(np.argmax(beyond))])
         reach = 1.2 * float(np.percentile(size, 75))
-        i, j = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
+        i, j = scipy.spatial.cKDTree(middle).query_pairs(reach, output_type="ndarray").T
         near = np.einsum("pi,pi->p", normal[i], normal[j]) < OPPOSED
         i, j = i[near], j[near]
         X, N, _ = self.rest

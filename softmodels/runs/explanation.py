@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.case.case import Case
-from softmodels.path.schedule import LOAD_KEYS, step_text
+from softmodels.path.program import LOAD_KEYS, step_text
 from softmodels.results.columns import cavity_columns, loads_words
 from softmodels.results.lost_path import advice
 from softmodels.results.row import Row

@@ -19,7 +19,7 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.sheet import Sheet
-from softmodels.path.schedule import Program
+from softmodels.path.program import Program
 from softmodels.path.syringe import Syringe
 
 type Values = str | float | Sequence[float] | npt.NDArray[np.float64]

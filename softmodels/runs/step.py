@@ -15,7 +15,7 @@ from softmodels.results.row import Row
 
 if TYPE_CHECKING:
     from softmodels.path.points import Point
-    from softmodels.path.schedule import Stop
+    from softmodels.path.stages import Stop
 
 Array = npt.NDArray[np.float64]
 

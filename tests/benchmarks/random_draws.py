@@ -23,7 +23,7 @@ from softmodels.mechanics.fabric import Fabric
 from softmodels.mechanics.fibres import Fibres
 from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
 from softmodels.mechanics.parts import Part, PartError
-from softmodels.path.schedule import Series
+from softmodels.path.program import Series
 
 IMPORTED = ("ImportedActuator", "ImportedMesh")
 MOST_CELLS = {False: 4000, True: 5000}

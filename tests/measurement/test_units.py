@@ -6,6 +6,8 @@ import random
 
 import pytest
 
+from measurement import units
+from measurement.common_units import FACTORS
 from measurement.units import UnitError, exact_text, number, quantity
 
 READ = [
@@ -112,3 +114,10 @@ def test_texts_of_values_are_read_back_exactly():
         for _ in range(100):
             value = rng.uniform(-1, 1) * 10 ** rng.uniform(-12, 9)
             assert quantity(exact_text(value, unit), unit) == value
+
+
+@pytest.mark.parametrize("unit", FACTORS)
+def test_common_units_are_pints(unit, monkeypatch):
+    own = {text: quantity(f"0.7 {text}", unit) for text in FACTORS[unit]}
+    monkeypatch.setattr(units, "FACTORS", {})
+    assert {text: quantity(f"0.7 {text}", unit) for text in own} == pytest.approx(own, rel=1e-15, abs=0.0)

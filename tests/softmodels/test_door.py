@@ -252,6 +252,21 @@ assert not {"dolfinx", "petsc4py", "mpi4py", "matplotlib", "pyvista"} & sys.modu
     assert not script(text)
 
 
+def test_a_commands_options_need_no_solver():
+    text = """
+from softmodels.cli.options import device_command
+from softmodels.case.case import Case
+
+command = device_command(sm.HollowDisk, "softmodels.disk", ())
+assert "--membrane" in command.get_help(command.make_context("softmodels.disk", ["--pressure-cm", "0:177"]))
+case = Case("disk", sm.HollowDisk(membrane=3e-3), sm.Yeoh(14e3, 60.0), pressures_cm=(0.0, 177.0))
+assert Case.from_toml(case.to_toml()) == case
+used = {"pint", "h5py", "gmsh", "rich", "scipy.sparse", "scipy.linalg", "scipy.spatial", "dolfinx", "matplotlib"}
+assert not used & sys.modules.keys(), used & sys.modules.keys()
+"""
+    assert not script(text)
+
+
 def test_a_thread_is_enough_and_no_signal_is_handled():
     text = """
 import threading

@@ -15,7 +15,7 @@ from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.loads import Force, Gravity, Mass
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.rigid import Rigid
-from softmodels.path.schedule import Series
+from softmodels.path.program import Series
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
 LAW = NeoHookean(30e3, 0.49)

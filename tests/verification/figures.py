@@ -154,7 +154,8 @@ def program(comm, pair: Path) -> list[float]:
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.path.schedule import Series, follow
+    from softmodels.path.program import Series
+    from softmodels.path.schedule import follow
     from softmodels.results.fields import Fields
 
     equations = Solver(System(Body.from_file(pair_of(pair.with_suffix(".step")), pair, comm), NeoHookean(30e3, 0.49)))

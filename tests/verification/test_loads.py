@@ -22,8 +22,9 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd
+from softmodels.path.program import Series
 from softmodels.path.quantities import DIRECT
-from softmodels.path.schedule import Series, follow
+from softmodels.path.schedule import follow
 from softmodels.path.stages import HangingEnd, hang, inflate_from, load_from
 from softmodels.results.fields import Fields
 

@@ -10,8 +10,8 @@ import pytest
 
 from geometries import ImportedActuator
 from softmodels.materials.laws import NeoHookean
-from softmodels.path import schedule as programs
-from softmodels.path.schedule import Series
+from softmodels.path import schedule
+from softmodels.path.program import Series
 
 ALONE = "two balloons by themselves, in one program"
 WAYS = "pressures that lead to volumes, by those volumes in five orders of steps"
@@ -97,7 +97,7 @@ def run(balloons, body_of):
         eq = Solver(System(body_of(device), RUBBER))
         fields, points = Fields(eq), []
         try:
-            for come, point in programs.follow(eq, series, CM, "auto", lambda text: None):
+            for come, point in schedule.follow(eq, series, CM, "auto", lambda text: None):
                 points.append((come, point, fields.figures(point.state)))
         except PathEnd as end:
             return points, end

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from softmodels.mechanics.walls.gap import LEAST, Near, Penalty, PointEnergies, pair_curvatures, pair_rates, sum_rates
 from softmodels.mechanics.walls.pairs import Pairs
@@ -65,7 +65,7 @@ class Pressed:
         """Sum of the sizes of the forces between points and walls; a pair of walls counts once."""
         return float(-self.points.first[:, 0] @ np.linalg.norm(self.S, axis=1))
 
-    def coupled(self, soon: float) -> sparse.csr_array:
+    def coupled(self, soon: float) -> scipy.sparse.csr_array:
         """Nodes of all that a point touches or is near to, ``soon`` radii, true for each two, shape (n, n)."""
         surface, near = self.surface, self._all_near
         close = self.gaps < soon * self.pairs.radius
@@ -74,8 +74,8 @@ class Pressed:
         i, nodes = np.concatenate([near.i, near.i]), np.concatenate([facets[near.i], facets[near.j]])
         shape = (len(self.gaps), len(self.nodes))
         at = (np.repeat(i, nodes.shape[1]), nodes.ravel())
-        held = sparse.csr_array(sparse.coo_array((np.ones(nodes.size, dtype=np.int32), at), shape=shape))
-        return sparse.csr_array((held.T @ held) > 0)
+        held = scipy.sparse.csr_array(scipy.sparse.coo_array((np.ones(nodes.size, dtype=np.int32), at), shape=shape))
+        return scipy.sparse.csr_array((held.T @ held) > 0)
 
     def _by_samples(self) -> tuple[Array, Array]:
         """Derivatives of the energy by the samples' places and by their area vectors, shape (s, d) each."""
@@ -98,11 +98,11 @@ class Pressed:
         return found
 
     @functools.cached_property
-    def stiffness(self) -> sparse.csr_array:
+    def stiffness(self) -> scipy.sparse.csr_array:
         """Second derivative of the energy, shape (n d, n d); nodes' components follow each other."""
         n, d = self.nodes.shape
         if not self.touching.any():
-            return sparse.csr_array((n * d, n * d))
+            return scipy.sparse.csr_array((n * d, n * d))
         found = self._through_pairs()
         if d == 3:
             facets = self.surface.facets[self.surface.owner]
@@ -110,7 +110,7 @@ class Pressed:
             bent = self.surface.area_curvatures(self._by_samples()[1][pressed], pressed)
             dofs = self._dofs(facets[pressed])
             found = found + _scattered(bent.reshape(len(pressed), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
-        return sparse.csr_array((found + found.T) / 2)
+        return scipy.sparse.csr_array((found + found.T) / 2)
 
     def _dofs(self, nodes: Numbers) -> Numbers:
         """Numbers of the components of nodes, shape (p, a) to (p, a d)."""
@@ -128,7 +128,7 @@ class Pressed:
         Z[:, d:, k:] = (turn @ rates[near.j].reshape(len(near.i), d, k * d)).reshape(-1, d, k, d)
         return Z.reshape(len(near.i), 2 * d, 2 * k * d)
 
-    def _through_pairs(self) -> sparse.csr_array:
+    def _through_pairs(self) -> scipy.sparse.csr_array:
         """The second derivative but for that of the area vectors. Pairs of the same two facets are added up first."""
         n, d = self.nodes.shape
         surface, near, first = self.surface, self.near, self.points.first
@@ -144,7 +144,7 @@ class Pressed:
         number = np.empty(len(self.touching), dtype=np.int64)
         number[touching] = np.arange(len(touching))
         size, chunks = (1 + d) * len(touching), range(0, len(starts), FACET_PAIRS)
-        K, U = sparse.csr_array((n * d, n * d)), sparse.csr_array((size, n * d))
+        K, U = scipy.sparse.csr_array((n * d, n * d)), scipy.sparse.csr_array((size, n * d))
         for chunk in chunks:
             chosen = starts[chunk : chunk + FACET_PAIRS]
             end = starts[chunk + FACET_PAIRS] if chunk + FACET_PAIRS < len(starts) else len(key)
@@ -160,11 +160,11 @@ class Pressed:
             U = U + _scattered(sum_rates(part) @ Z, rows, columns, size, n * d)
         own = (1 + d) * np.arange(len(touching))[:, None] + np.arange(1 + d)
         C = _scattered(self.points.second[touching], own, own, size, size)
-        return sparse.csr_array(K + U.T @ C @ U)
+        return scipy.sparse.csr_array(K + U.T @ C @ U)
 
 
-def _scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> sparse.csr_array:
+def _scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> scipy.sparse.csr_array:
     """Sum of small dense blocks, shape (p, a, b), in a sparse matrix; ``rows`` (p, a) and ``columns`` (p, b) are theirs."""
     _, a, b = blocks.shape
     at = (np.repeat(rows, b, axis=1).ravel(), np.tile(columns, (1, a)).ravel())
-    return sparse.csr_array(sparse.coo_array((blocks.ravel(), at), shape=(height, width)))
+    return scipy.sparse.csr_array(scipy.sparse.coo_array((blocks.ravel(), at), shape=(height, width)))

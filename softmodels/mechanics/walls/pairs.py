@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+import scipy
 
 from softmodels.mechanics.walls.surface import Array, Numbers, Surface
 
@@ -76,7 +76,9 @@ class Pairs:
 
     def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
         """Samples and samples of images nearer to each other than ``reach``, where the samples are at ``places``, (s, d)."""
-        found = cKDTree(places).sparse_distance_matrix(cKDTree(self.of_all(places)), reach, output_type="ndarray")
+        found = scipy.spatial.cKDTree(places).sparse_distance_matrix(
+            scipy.spatial.cKDTree(self.of_all(places)), reach, output_type="ndarray"
+        )
         return found["i"].astype(np.int64), found["j"].astype(np.int64)
 
     def near(self, places: Array) -> tuple[Numbers, Numbers]:

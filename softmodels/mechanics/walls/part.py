@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from geometries import Actuator
 from geometries.fields import field_of
@@ -119,10 +119,10 @@ class WallTerm(AssembledTerm):
     def forces_here(self) -> Array:
         return self._pressed.forces
 
-    def stiffness_here(self) -> sparse.csr_array:
+    def stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.stiffness
 
-    def coupled(self) -> sparse.csr_array:
+    def coupled(self) -> scipy.sparse.csr_array:
         return self._pressed.coupled(SOON)
 
     def admits(self, before: Array, after: Array) -> bool:

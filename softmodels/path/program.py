@@ -1,0 +1,202 @@
+"""A load program: cavities and dead loads, each with values of its own, step by step.
+
+Each cavity, and each dead load that changes, has a series of values, one for each step; from step to step all of them change
+together, in proportion. A step changes either pressures, forces and the like, or volumes and travels. A device is taken
+through it by `softmodels.path.schedule`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from measurement.units import UnitError, brief
+from measurement.units import numbers as as_numbers
+from measurement.wording import Spoken
+
+
+@dataclasses.dataclass(frozen=True)
+class Given:
+    """What a series gives.
+
+    Attributes:
+        unit: Of its values in case files and messages.
+        held: Whether it is what a driver works on, a volume or a travel, and not its magnitude.
+        scale: SI units in one of ``unit``.
+    """
+
+    unit: str
+    held: bool = False
+    scale: float = 1.0
+
+
+KEYS = {"pressure_cm": Given("cm"), "volume_ml": Given("ml", True, 1e-6)}
+"""What can be given of a cavity, as in the case file."""
+LOAD_KEYS = {
+    "gravity": {"share": Given("of the weight")},
+    "force": {"force_N": Given("N"), "travel_mm": Given("mm", True, 1e-3)},
+    "moment": {"moment_Nmm": Given("Nmm", scale=1e-3), "turn_deg": Given("deg", True, math.pi / 180)},
+}
+"""The same of a dead load, by its table."""
+EVERY_KEY = {key: given for keys in (KEYS, *LOAD_KEYS.values()) for key, given in keys.items()}
+MOST_STEPS = 1000
+
+
+class ProgramError(Spoken, ValueError):
+    """A program that cannot be meant; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Series:
+    """What one cavity, or one dead load, goes through.
+
+    Attributes:
+        key: One of `EVERY_KEY`.
+        values: Pressures in cm of water, added volumes in ml and so on, one for each step.
+        target: The dead load, such as ``"force.tip"``; empty for a cavity, whose place among these counts.
+    """
+
+    key: str
+    values: tuple[float, ...]
+    target: str = ""
+
+    @property
+    def unit(self) -> str:
+        return EVERY_KEY[self.key].unit
+
+    @property
+    def is_volume(self) -> bool:
+        """Whether a volume or a travel is given, and not a pressure or a force."""
+        return EVERY_KEY[self.key].held
+
+    @property
+    def scale(self) -> float:
+        return EVERY_KEY[self.key].scale
+
+
+Program = tuple[Series, ...]
+
+
+def from_tables(tables: Mapping[str, object]) -> Program:
+    """The program of a case file's tables: ``cavity1`` and so on by name, and ``gravity``, ``force.NAME``, ``moment.NAME``.
+
+    Raises:
+        ProgramError: Unknown entries, values that are no numbers, pressures below zero, series of unlike lengths, or a step
+            that changes nothing or both pressures and volumes.
+    """
+    cavities = [name for name in tables if name not in LOAD_KEYS]
+    names = [f"cavity{i + 1}" for i in range(len(cavities))]
+    if sorted(cavities) != sorted(names):
+        raise ProgramError(f"[load] has {', '.join(cavities)}; name the cavities {', '.join(names)}, each once")
+    loads = {target: table for kind in LOAD_KEYS if kind in tables for target, table in _of_loads(kind, tables[kind])}
+    given = {name: _series(name, tables[name], KEYS) for name in names}
+    for target, table in loads.items():
+        given[target] = dataclasses.replace(_series(target, table, LOAD_KEYS[target.partition(".")[0]]), target=target)
+    count = max(len(series.values) for series in given.values())
+    if count > MOST_STEPS:
+        raise ProgramError(f"the program has {count} steps; at most {MOST_STEPS} are taken")
+    # One value alone is kept through all steps.
+    program = tuple(
+        dataclasses.replace(series, values=series.values * count) if len(series.values) == 1 else series
+        for series in given.values()
+    )
+    for name, series in zip(given, program, strict=True):
+        if len(series.values) != count:
+            raise ProgramError(
+                f"{name} has {len(series.values)} values where another series has {count}; give one for each step, or one "
+                "alone that is kept"
+            )
+    _check_steps(program)
+    return program
+
+
+def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
+    """The series of one kind of load by key: ``gravity = [...]``, ``force.force_N = [...]``, ``force.tip.force_N = [...]``."""
+    if kind == "gravity" and not isinstance(table, Mapping):
+        return [(kind, {"share": table})]
+    if not isinstance(table, Mapping):
+        raise ProgramError(
+            f"{kind} needs one of {' or '.join(LOAD_KEYS[kind])}, such as {kind}.tip.{next(iter(LOAD_KEYS[kind]))} = [0, 2]"
+        )
+    if any(key in LOAD_KEYS[kind] for key in table):
+        return [(kind, table)]
+    return [(f"{kind}.{name}", entries) for name, entries in table.items()]
+
+
+def _series(name: str, table: object, keys: Mapping[str, Given]) -> Series:
+    if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in keys:
+        raise ProgramError(f"{name} needs one of {' or '.join(keys)}, such as {name}.{next(iter(keys))} = [20, 40]")
+    text = table[key]
+    values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
+    try:
+        numbers = tuple(as_numbers(values))
+    except UnitError as error:
+        raise ProgramError(
+            f"{name}.{key} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
+        ) from None
+    if not numbers or (keys is KEYS and min(numbers) < 0.0):
+        raise ProgramError(f"{name}.{key} {brief(text)} must be numbers of 0 or more; suction is not modelled")
+    return Series(key, numbers)
+
+
+def _check_steps(program: Program) -> None:
+    if not changes(program).any():
+        raise ProgramError("the program holds zeros alone, where nothing happens")
+    for number, change in enumerate(changes(program), 1 - int(begins_at_rest(program))):
+        kinds = {series.is_volume for series, step in zip(program, change, strict=True) if step}
+        if not kinds and number > 0:
+            raise ProgramError(f"step {number} of the program changes nothing; leave it out, or give other values")
+        if len(kinds) == 2:
+            raise ProgramError(
+                f"step {number} of the program changes pressures and volumes at once; change them in two steps, one after "
+                "the other"
+            )
+
+
+def begins_at_rest(program: Program) -> bool:
+    """Whether the first values are all zero: the undeformed state, as step 0."""
+    return not any(series.values[0] for series in program)
+
+
+def changes(program: Program) -> npt.NDArray[np.float64]:
+    """Changes from step to step from the undeformed state on, in cm and ml, shape (steps, cavities)."""
+    values = np.array([series.values for series in program]).T
+    return np.diff(values, axis=0, prepend=0.0)
+
+
+def goes_on(program: Program, old: Program) -> bool:
+    """Whether a program is another one, or that and more steps."""
+    return len(program) == len(old) and all(
+        (new.key, new.target) == (before.key, before.target) and new.values[: len(before.values)] == before.values
+        for new, before in zip(program, old, strict=True)
+    )
+
+
+def to_tables(program: Program) -> dict[str, object]:
+    """The tables that `from_tables` takes back."""
+    written: dict[str, dict[str, object]] = {}
+    for name, series in named(program).items():
+        kind, _, own = name.partition(".")
+        table = written.setdefault(kind, {})
+        (table if not own else table.setdefault(own, {})).update({series.key: list(series.values)})  # type: ignore[attr-defined]
+    return dict(written)
+
+
+def named(program: Program) -> dict[str, Series]:
+    """The series by the names of what they are of: ``cavity1``, ``force.tip``."""
+    names = (f"cavity{i}" for i in itertools.count(1))
+    return {series.target or next(names): series for series in program}
+
+
+def step_text(program: Program, number: int) -> str:
+    """What the cavities and loads have at a step: ``"cavity1 60 cm, cavity2 2 ml added"``."""
+    row = number - 1 + int(begins_at_rest(program))
+    added = {key: " added" if key in KEYS and given.held else "" for key, given in EVERY_KEY.items()}
+    return ", ".join(
+        f"{name} {series.values[row]:g} {series.unit}{added[series.key]}" for name, series in named(program).items()
+    )
