@@ -246,7 +246,7 @@ COLUMNS: list[Column | Columns] = [
     Column("stored_energy_mJ", "stored energy", "elastic energy of the whole device",
            lambda s: s.figures.stored_energy * 1e3),
     Column("walls_touch", "walls touch",
-           "1 from where walls that face each other have met; they pass through each other there",
+           "1 where walls that face each other have met and pass through each other, which those of [walls] do not",
            lambda s: int(s.fields.walls.met(s.nodal["displacement"]) is not None)),
     Column("requested", "requested", "1 for a state that was asked for", lambda s: int(s.point.requested)),
     Column("limit", "limit point",

@@ -15,6 +15,7 @@ from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.solver import Solver, Tangent
 from softmodels.mechanics.system import State
+from softmodels.mechanics.walls.part import WallTerm
 from softmodels.results.figures import Figures
 from softmodels.results.followed import Followed, followed_points
 from softmodels.results.forces import MEASURES
@@ -59,8 +60,16 @@ class Fields:
     @functools.cached_property
     def walls(self) -> Walls:
         """The device's surface, on rank 0."""
-        planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
-        return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
+        system, device = self.system, self.system.body.actuator
+        planes = [plane.normal for plane in device.cut_planes]
+        pressing = [
+            device.device_points(
+                system.length_unit * term.nodes.places[term.nodes.facets[:, : device.dimension]].mean(axis=1)
+            )
+            for term in system.potential.terms.values()
+            if isinstance(term, WallTerm)
+        ]
+        return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes, pressing)
 
     @property
     def followed(self) -> list[str]:

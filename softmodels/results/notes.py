@@ -112,8 +112,8 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         return []
     if pressing := [part.faces for part in case.parts if isinstance(part, Walls)]:
         return [
-            f"at {first['pressure_cm']:.4g} cm walls that face each other have met; {', '.join(pressing)} press on each other, "
-            "and others pass through"
+            f"at {first['pressure_cm']:.4g} cm walls that face each other have met and pass through each other: [walls] names "
+            f"{', '.join(pressing)}, and others do not press"
         ]
     return [
         f"at {first['pressure_cm']:.4g} cm walls that face each other have met: from there on they would press on each other, "

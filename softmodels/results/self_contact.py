@@ -1,7 +1,7 @@
-"""Do walls that face each other across air meet? Said, not resisted: the solver lets them pass through each other.
+"""Do walls that face each other across air meet? Where a case does not resist it, they pass through each other.
 
-Resisting it between any two walls would couple unknowns that no cell shares, pairs that change as the walls slide: another
-matrix in every step. A wall that meets its mirror image is simpler, for the plane between them stands still: see `obstacle`.
+Walls that a case names in [walls] press on each other and on their images in the cut planes (`softmodels.mechanics.walls`):
+they sink in by a little and do not pass, so that they are left out here.
 
 Two facets of the surface face each other if air lies between them at rest and their normals are opposed. They have met once
 one lies behind the other; a wall has met its mirror image once it lies behind the cut plane. Facets of one thin wall are
@@ -36,9 +36,17 @@ class Walls:
         cells: Second-order triangles or tetrahedra, shape (c, 6) or (c, 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
         planes: Unit normals of the cut planes, which pass through the origin, shape (3,) each.
+        resisted: Walls that press on each other, a set each: middles of their facets' corners at rest in m, shape (k, 3).
     """
 
-    def __init__(self, points: Array, cells: Cells, cell_name: str, planes: Sequence[npt.ArrayLike] = ()):
+    def __init__(
+        self,
+        points: Array,
+        cells: Cells,
+        cell_name: str,
+        planes: Sequence[npt.ArrayLike] = (),
+        resisted: Sequence[Array] = (),
+    ):
         self.points, self.flat = points, cell_name == "Triangle_6"
         parts = EDGES[:, :2] if self.flat else np.array(FACES[cell_name])[:, :3]
         facets = cells[:, parts].reshape(-1, parts.shape[1])
@@ -58,6 +66,8 @@ class Walls:
         middle, normal, _ = self._measured(points)
         self.turn = np.where(np.einsum("fi,fi->f", middle - inside, normal) > 0.0, 1.0, -1.0)
         self.rest = self._measured(points)
+        near = [cKDTree(middles).query(self.rest[0])[0] < 1e-7 * size for middles in resisted]
+        self.resisted = np.array(near, dtype=bool).reshape(len(near), len(self.facets))
 
     def _measured(self, at: Array) -> tuple[Array, Array, Array]:
         """Middles (f, 3), outward unit normals (f, 3) and sizes (f,) of the facets of a shape."""
@@ -73,19 +83,21 @@ class Walls:
         return corners.mean(axis=1), across / length[:, None] * self.turn[:, None], size
 
     def met(self, displacement: Array) -> Array | None:
-        """Where in m, deformed, walls have passed through each other deepest, shape (3,); None where they have not.
+        """Where in m, deformed, walls that nothing stops have passed through each other deepest, shape (3,); None if nowhere.
 
         Args:
             displacement: Of the nodes in m, shape (n, 3).
         """
         middle, normal, size = self._measured(self.points + displacement)
+        free = ~self.resisted.any(axis=0)
         for plane in self.planes:
-            beyond = middle @ plane
+            beyond = np.where(free, middle @ plane, -np.inf)
             if beyond.max(initial=-np.inf) > THROUGH * self.size:
                 return np.asarray(middle[int(np.argmax(beyond))])
         reach = 1.2 * float(np.percentile(size, 75))
         i, j = scipy.spatial.cKDTree(middle).query_pairs(reach, output_type="ndarray").T
         near = np.einsum("pi,pi->p", normal[i], normal[j]) < OPPOSED
+        near &= ~(self.resisted[:, i] & self.resisted[:, j]).any(axis=0)
         i, j = i[near], j[near]
         X, N, _ = self.rest
         air = (np.einsum("pi,pi->p", X[j] - X[i], N[i]) > 0.0) & (np.einsum("pi,pi->p", X[i] - X[j], N[j]) > 0.0)

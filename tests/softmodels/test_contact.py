@@ -6,6 +6,12 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.mechanics.walls.part import Walls as Pressing
+from softmodels.results.fields import Fields
 from softmodels.results.self_contact import Walls
 
 DISKS = {
@@ -61,3 +67,23 @@ def test_a_wall_that_goes_through_its_mirror_plane_is_seen(made):
         place = walls.met(np.outer(shift, plane.normal))
         assert place is not None and 0.0 < place @ plane.normal < 0.1 * disk.outer_radius
         assert walls.met(np.outer(np.minimum(shift, 0.9 * distance), plane.normal)) is None
+
+
+def test_walls_that_press_on_each_other_are_left_out(made, drawings, tmp_path):
+    """Of two that meet, both have to be in one set; what is named alone, or in another set, passes through."""
+    disk, points, walls = made
+    middles = walls.rest[0]
+    ceiling = middles[:, 2] > disk.base + 0.5 * disk.cavity_height
+    points, cells, name = drawings.grid_of(disk, tmp_path)
+    planes = [plane.normal for plane in disk.cut_planes]
+    for sets, met in (([middles], False), ([middles[ceiling]], True), ([middles[ceiling], middles[~ceiling]], True)):
+        named = Walls(points, cells, name, planes, sets)
+        assert named.resisted.sum() == sum(map(len, sets))
+        assert (named.met(sunk(disk, points, 1.1)) is not None) is met
+
+
+def test_a_run_knows_which_walls_press(comm, tmp_path):
+    disk = DISKS["section"]
+    body = Body.from_file(disk, disk.write(tmp_path / "disk.msh"), comm)
+    walls = Fields(Solver(System(body, NeoHookean(30e3, 0.49), parts=[Pressing("cavity")]))).walls
+    assert walls.resisted.shape[0] == 1 and walls.resisted.sum() == len(body.entities["cavity"][1])
