@@ -66,7 +66,7 @@ class Walls:
         middle, normal, _ = self._measured(points)
         self.turn = np.where(np.einsum("fi,fi->f", middle - inside, normal) > 0.0, 1.0, -1.0)
         self.rest = self._measured(points)
-        near = [cKDTree(middles).query(self.rest[0])[0] < 1e-7 * size for middles in resisted]
+        near = [scipy.spatial.cKDTree(middles).query(self.rest[0])[0] < 1e-7 * size for middles in resisted]
         self.resisted = np.array(near, dtype=bool).reshape(len(near), len(self.facets))
 
     def _measured(self, at: Array) -> tuple[Array, Array, Array]:
