@@ -15,18 +15,20 @@ SAME_IMAGE = 1e-2
 """How far the entries of two matrices may differ for one image: above what `SAME_ANGLE` adds up to, below `NARROWEST`."""
 
 
-def reflected(normals: ArrayLike, count: int | None = None) -> NDArray[np.float64]:
+def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) -> NDArray[np.float64]:
     """The first products of reflections on planes through the origin: a slice, its neighbours, their neighbours and so on.
 
     Args:
-        normals: Unit normals, shape (k, 3).
-        count: How many; all if not given, which must be finitely many.
+        normals: Unit normals, shape (k, dimension).
+        count: How many at most; all if not given, which must be finitely many.
+        dimension: 3, or 2 in the plane of a section.
 
     Returns:
-        Matrices that take the slice to its places, shape (m, 3, 3); the first is the identity.
+        Matrices that take the slice to its places, shape (m, dimension, dimension); the first is the identity.
     """
-    mirrors = [np.eye(3) - 2 * np.outer(normal, normal) for normal in np.reshape(normals, (-1, 3))]
-    found = [np.eye(3)]
+    one = np.eye(dimension)
+    mirrors = [one - 2 * np.outer(normal, normal) for normal in np.reshape(normals, (-1, dimension))]
+    found = [one]
     for image in found:
         for mirror in mirrors:
             if len(found) == count:

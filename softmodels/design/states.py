@@ -28,15 +28,17 @@ MOST_SECANTS = 12
 CLOSE = 1e-6
 """Change of the volume, in shares of what was added, at which the limit point is found: its pressure is exact to the square."""
 FIRST_STEP = 1e-3
-"""The same of the secant's first step."""
+"""First step of the secant, in shares of the added volume."""
 TIGHT = 1e-10
 """Of the linear solver for the path's direction, which is the null vector that derivatives are taken with."""
 LARGEST_SHARE, QUICK = 0.1, 3
-"""The same of the largest step towards the limit point from a state below it, twice that where Newton's method takes no more
-iterations than this: a step that is too long passes a bulge that snaps."""
+"""Largest step towards the limit point from a state below it, in shares of the added volume, and up to how many of Newton's
+iterations it may be twice that: a step that is too long passes a bulge that snaps."""
 MOST_STEPS = 40
+"""Steps from that state to the limit point."""
 FARTHEST = 0.5
-"""The same of how far it may move from one design to the next; a farther one is looked for along the whole path."""
+"""How far the limit point may move from one design to the next, in shares of the added volume; a farther one is looked for
+along the whole path."""
 
 
 class WorkingStates:

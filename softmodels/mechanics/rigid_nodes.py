@@ -130,16 +130,18 @@ def _measure(body: Body, part: Rigid) -> ufl.Measure:
 
 
 def still_pressures(body: Body, space: fem.FunctionSpace, parts: Sequence[Part]) -> list[fem.DirichletBC]:
-    """Conditions that hold p in rigid regions, where nothing strains: a region has its own p, see `region_space`."""
+    """Conditions that hold p in rigid regions, where nothing strains: a region has its own p, see `region_space`.
+
+    Args:
+        body: The mesh; it has the regions, which `softmodels.mechanics.regions.Regions` checks.
+        space: Function space of w.
+        parts: What is added to the device, rigid regions among them.
+    """
     from dolfinx import fem
 
     regions = [part.region for part in parts if isinstance(part, Rigid) and part.region]
     if not regions or space.dofmap.index_map_bs != 1:
         return []
-    if missing := [name for name in regions if name not in body.regions]:
-        raise PartError(
-            f"[rigid]: the mesh has no cells named {missing[0]!r}; it has {', '.join(body.regions) or 'none'}"
-        )
     rows = np.array(space.sub(1).dofmap.list)
     dofs = np.unique(np.concatenate([rows[body.regions[name]].ravel() for name in regions])).astype(np.int32)
     return [fem.dirichletbc(np.array(0.0), dofs, space.sub(1))]

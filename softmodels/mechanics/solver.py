@@ -248,15 +248,6 @@ class Solver:
             return math.inf
         return total(self.system.comm, float(load @ bordered.split(newton.x)[0]))
 
-    def inverse_tangent(self, state: State, force: Array, tolerance: float) -> Array:
-        """K^-1 ``force`` at a state and a given pressure (local owned arrays), to a relative tolerance.
-
-        Raises:
-            NoConvergence: The linear solver did not get there.
-        """
-        self._border(state, pressure_control(state.P))
-        return self.linear_response(force, 0.0, tolerance).w[: self.system.n]
-
     def release(self) -> None:
         """Give back what PETSc and MPI hold for this device; it cannot be solved any more.
 

@@ -108,7 +108,7 @@ class RigidUnknowns(Unknowns):
         super().__init__(n)
         self.comm, self.moving, self.motions = comm, motions, tuple(motions.values())
         self.turns = any(motion.turns for motion in self.motions)
-        self.slots = [_slots(comm, n, motion, held) for motion in self.motions]
+        self.slots = [_slots(comm, n, motion, held, name) for name, motion in motions.items()]
         followers = np.concatenate([motion.dofs[motion.owned].ravel() for motion in self.motions])
         mine = [slots for rank, slots in self.slots if rank == comm.rank]
         self.idle = np.setdiff1d(followers, np.concatenate([*mine, np.empty(0, int)])).astype(np.int32)
@@ -243,12 +243,12 @@ class RigidUnknowns(Unknowns):
                 y[slots] += second @ q[slots]
 
 
-def _slots(comm: MPI.Comm, n: int, motion: RigidMotion, held: Ints) -> tuple[int, npt.NDArray[np.int64]]:
+def _slots(comm: MPI.Comm, n: int, motion: RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
     """The rank that has a part's unknowns, and the owned dofs in whose slots they are there (empty elsewhere)."""
     free = np.setdiff1d(motion.dofs[motion.owned].ravel(), held)
     counts = comm.allgather(len(free))
     rank = int(np.argmax(counts))
     if counts[rank] < motion.freedom.count:
-        raise ValueError("the mesh has too few nodes on a rigid part for its motions")
+        raise ValueError(f"the mesh has too few nodes on the rigid part {name}; use smaller cells (--cell-size)")
     mine = free[: motion.freedom.count] if rank == comm.rank else free[:0]
     return rank, mine.astype(np.int64)

@@ -10,6 +10,7 @@ import pytest
 
 from geometries import CutPlane, Hold, HollowDisk
 from geometries.fields import length_field, number_field
+from geometries.symmetry import reflected
 from softmodels.case.case import Case, CaseError
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
@@ -20,7 +21,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.mechanics.walls.energy import Pressed
 from softmodels.mechanics.walls.gap import Penalty
-from softmodels.mechanics.walls.pairs import Pairs, mirror_images
+from softmodels.mechanics.walls.pairs import Pairs
 from softmodels.mechanics.walls.part import Walls
 from softmodels.mechanics.walls.passing import passes
 from softmodels.mechanics.walls.surface import Surface
@@ -57,7 +58,7 @@ def two_sheets(dimension, mirrored=False):
     nodes, facets = np.vstack([upper[0], lower[0]]), np.vstack([upper[1], lower[1] + len(upper[0])])
     walls = np.repeat([0, 1], [len(upper[1]), len(lower[1])])
     surface = Surface(nodes, facets, walls, np.vstack([upper[2], lower[2]]))
-    return Pairs(surface, ~np.eye(2, dtype=bool), mirror_images(mirrors, dimension)), np.arange(len(nodes)) < len(
+    return Pairs(surface, ~np.eye(2, dtype=bool), reflected(mirrors, dimension=dimension)), np.arange(len(nodes)) < len(
         upper[0]
     )
 

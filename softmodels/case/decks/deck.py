@@ -46,7 +46,7 @@ class Deck:
     def bulk(self) -> float:
         """Bulk modulus in Pa."""
         material = self.case.material
-        nu = material.poisson
+        nu = material.poisson  # not `Material.bulk`, which is Lame's first constant where the shape part resists it too
         return 2 * material.shear_modulus_0 * (1 + nu) / (3 * (1 - 2 * nu))
 
     @property

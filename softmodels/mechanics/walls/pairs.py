@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -95,15 +94,3 @@ class Pairs:
         i, j = i[may], j[may]
         order = np.lexsort((j, i))
         return i[order], j[order]
-
-
-def mirror_images(normals: Sequence[npt.ArrayLike], dimension: int) -> Array:
-    """The images that mirror planes through the origin make of a slice, the slice itself first, shape (g, d, d)."""
-    mirrors = [np.eye(dimension) - 2 * np.outer(n, n) / np.dot(n, n) for n in map(np.asarray, normals)]
-    found = [np.eye(dimension)]
-    for image in found:  # grows as it goes
-        for mirror in mirrors:
-            new = mirror @ image
-            if len(found) < MOST_IMAGES and all(np.abs(new - known).max() > 1e-6 for known in found):
-                found.append(new)
-    return np.array(found)

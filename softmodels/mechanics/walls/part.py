@@ -13,6 +13,7 @@ import scipy
 from geometries import Actuator
 from geometries.fields import field_of
 from geometries.kinds import Quantity, Words
+from geometries.symmetry import reflected
 from softmodels.mechanics.assembled import AssembledTerm
 from softmodels.mechanics.body import in_section
 from softmodels.mechanics.contact import ONSET_PRESSURE
@@ -21,7 +22,7 @@ from softmodels.mechanics.face_nodes import FaceNodes, check_mesh_faces
 from softmodels.mechanics.parts import Equations, PartError, Setting, register_part
 from softmodels.mechanics.walls.energy import Pressed
 from softmodels.mechanics.walls.gap import Penalty
-from softmodels.mechanics.walls.pairs import Pairs, mirror_images
+from softmodels.mechanics.walls.pairs import MOST_IMAGES, Pairs
 from softmodels.mechanics.walls.passing import passes
 from softmodels.mechanics.walls.surface import Array, Surface
 
@@ -100,7 +101,7 @@ class WallTerm(AssembledTerm):
         mirrors = [in_section(plane.normal, d) for plane in body.actuator.cut_planes]
         mirrors += [np.array([1.0, 0.0])] if body.axisymmetric else []  # a section meets its other half at the axis
         meets = np.ones((len(part.roles), len(part.roles)), dtype=np.bool_)
-        self.pairs = Pairs(surface, meets, mirror_images(mirrors, d))
+        self.pairs = Pairs(surface, meets, reflected(mirrors, MOST_IMAGES, d))
         self.penalty = Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness)
         self.copies = body.actuator.copies
         self._pressed = Pressed(self.pairs, self.penalty, nodes.places)
