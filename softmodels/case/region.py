@@ -57,7 +57,7 @@ class Region(RegionPart, HeavyPart):
     def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
         if self.density is None or self.density == density:
             return []
-        return [Weighed(on.mean(along, region=self.name), (self.density - density) * on.volume(self.name))]
+        return [Weighed([on.mean(along, region=self.name)], (self.density - density) * on.volume(self.name))]
 
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Region:

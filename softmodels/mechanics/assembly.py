@@ -37,7 +37,7 @@ class Assembly:
     _whole: PETSc.Mat
     _vector: fem.Function
     _internal: list[fem.Form]
-    _loads: list[fem.Form]
+    _loads: list[list[fem.Form]]
     _product: list[fem.Form]
     _tangent: list[fem.Form]
 
@@ -75,7 +75,7 @@ class Assembly:
 
     def pressure_loads(self) -> Array:
         """Each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
-        return np.array([self.assemble([load]).copy() for load in self._loads])
+        return np.array([self.assemble(load).copy() for load in self._loads])
 
     def assemble_tangent(self) -> None:
         """Put the current state's tangent into K."""
@@ -110,11 +110,16 @@ class Assembly:
 
     def forces_and_loads(self) -> list[tuple[fem.Form, float]]:
         """The potential's derivative by w in the current state: compiled forms with their factors."""
-        return [*((form, 1.0) for form in self._internal), *zip(self._loads, -self.pressures, strict=True)]
+        return self._terms(len(self._loads))
+
+    def _terms(self, drivers: int) -> list[tuple[fem.Form, float]]:
+        """The same with the loads of the first drivers alone."""
+        loads = zip(self._loads[:drivers], -self.pressures[:drivers], strict=True)
+        return [*((form, 1.0) for form in self._internal), *((form, factor) for load, factor in loads for form in load)]
 
     def residual(self, dead: bool = True) -> Array:
         """Derivative of the potential by each owned dof, held ones and rigid parts' too; dead loads count if ``dead``."""
-        found, terms = np.zeros(self.n), self.forces_and_loads()
-        for form, factor in terms if dead else terms[: len(terms) - len(self.dead.forms)]:
+        found, drivers = np.zeros(self.n), len(self._loads)
+        for form, factor in self._terms(drivers if dead else drivers - len(self.dead.forms)):
             found += factor * self.assemble([form], held=True)
         return self.assembled.add_forces(self.w.x.array, found, held=True)

@@ -131,11 +131,12 @@ class Weighed:
     """A load's distribution.
 
     Attributes:
-        form: UFL integral over the slice, linear in the test displacement: of a unit magnitude on the slice.
+        forms: UFL integrals over the slice, linear in the test displacement, whose sum is of a unit magnitude on the slice.
+            They are compiled one by one: DOLFINx takes the faces of one form from one set of tags.
         amount: Its magnitude, of the whole device, in SI units.
     """
 
-    form: ufl.Form
+    forms: list[ufl.Form]
     amount: float
 
 
@@ -202,7 +203,7 @@ class DeadLoads:
     Attributes:
         loads: The loads.
         amounts: Their magnitudes where nothing else is asked for: of the whole device, SI units.
-        forms: Compiled, one for each: the load of a unit magnitude on the slice.
+        forms: Compiled, some for each: their sum is the load of a unit magnitude on the slice.
         origins: What all drivers worked on where the path began, dimensionless; None before that.
 
     Raises:
@@ -216,14 +217,14 @@ class DeadLoads:
         self.loads = [part for part in parts if isinstance(part, LoadPart)]
         spread = [part.spread(Spread(system), parts) for part in self.loads] if self.loads else []
         self.amounts = np.array([found.amount for found in spread], dtype=float)
-        self.forms = [system.form(found.form) for found in spread]
+        self.forms = [[system.form(form) for form in found.forms] for found in spread]
         self.origins: Array | None = None
         self._vector = fem.Function(system.space) if self.forms else system.w
 
     def check(self) -> None:
         """Refuse a load on what is held alone."""
-        for load, form in zip(self.loads, self.forms, strict=True):
-            found = self.system.assemble([form])
+        for load, forms in zip(self.loads, self.forms, strict=True):
+            found = self.system.assemble(forms)
             if not total(self.system.comm, float(found @ found)) > 0.0:
                 raise PartError(f"{load.where} pulls at what is held and moves nothing; take another face or direction")
 
@@ -233,10 +234,11 @@ class DeadLoads:
 
         system, found = self.system, []
         w = system.w.x.array[: system.n]
-        for form in self.forms:
+        for forms in self.forms:
             b = self._vector.x  # of its own: the system's may be in use
             b.array[:] = 0.0
-            fem.assemble_vector(b.array, form)
+            for form in forms:
+                fem.assemble_vector(b.array, form)
             b.scatter_reverse(la.InsertMode.add)
             found.append(total(system.comm, float(b.array[: system.n] @ w)))
         return np.array(found)

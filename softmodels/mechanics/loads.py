@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +19,6 @@ from softmodels.mechanics.body import BodyError, in_section
 from softmodels.mechanics.dead_loads import LOADS_ENERGY, HeavyPart, LoadPart, Spread, Weighed, check_finite, mean_place
 from softmodels.mechanics.load_directions import ALONG, check_direction, direction
 from softmodels.mechanics.parts import Part, PartError, register_part
-
-if TYPE_CHECKING:
-    import ufl
 
 STANDARD_GRAVITY = 9.81
 SILICONE_DENSITY = 1070.0
@@ -112,15 +109,13 @@ class Gravity(DirectedLoad):
 
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         along = in_section(self.vector, on.body.actuator.dimension)
-        masses = [Weighed(on.mean(along), self.density * on.volume())] if self.density else []
+        masses = [Weighed([on.mean(along)], self.density * on.volume())] if self.density else []
         masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along, self.density)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
             raise PartError(f"{self.where}: nothing has a mass; give the silicone's density, or hang a mass on a face")
-        form: ufl.Form = on.constant(masses[0].amount / whole) * masses[0].form
-        for one in masses[1:]:
-            form += on.constant(one.amount / whole) * one.form
-        return Weighed(form, whole * self.magnitude)
+        forms = [on.constant(one.amount / whole) * form for one in masses for form in one.forms]
+        return Weighed(forms, whole * self.magnitude)
 
 
 @register_part
@@ -145,7 +140,7 @@ class Mass(HeavyPart):
 
     def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
         with _on_face(self):
-            return [Weighed(on.mean(along, self.face), self.amount)]
+            return [Weighed([on.mean(along, self.face)], self.amount)]
 
 
 @register_part
@@ -182,7 +177,7 @@ class Force(FaceLoad):
 
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         with _on_face(self):
-            return Weighed(on.mean(in_section(self.vector, on.body.actuator.dimension), self.face), self.amount)
+            return Weighed([on.mean(in_section(self.vector, on.body.actuator.dimension), self.face)], self.amount)
 
 
 @register_part
@@ -248,7 +243,7 @@ class Moment(FaceLoad):
             arm = ufl.cross(on.constant(axis), on.places - on.constant(centre))
             size = on.integral(ufl.dot(arm, arm), self.face)
             form = ufl.dot(on.constant(1 / size) * arm, on.test) * on.body.hoop * on.measure(self.face)
-            return Weighed(form, self.amount)
+            return Weighed([form], self.amount)
 
 
 def check_density(density: float, where: str) -> None:

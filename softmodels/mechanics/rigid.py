@@ -90,7 +90,7 @@ class Rigid(HeavyPart):
             check_finite(self.mass, self.where, "mass")
 
     def masses(self, on: Spread, along: Array, density: float) -> list[Weighed]:
-        return [Weighed(on.mean(along, self.face), self.mass)] if self.mass else []
+        return [Weighed([on.mean(along, self.face)], self.mass)] if self.mass else []
 
     def check_on(self, actuator: Actuator) -> None:
         if self.region:

@@ -140,7 +140,7 @@ class System(Assembly):
 
         potential, form = self.potential, self.form
         self._volumes = [form(own) for own in potential.volumes]
-        self._loads = [form(load) for load in potential.loads]
+        self._loads = [[form(load)] for load in potential.loads]
         self._contact_forces = [form(force) for force in potential.contact.forces] if potential.contact else []
         for term in potential.terms.values():
             term.compile(self)

@@ -17,7 +17,7 @@ from softmodels.mechanics.controls import Control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.corrector import Corrector
+from softmodels.path.corrector import Corrector, Emptied
 from softmodels.path.critical_points import events
 from softmodels.path.modes import Mode
 from softmodels.path.passed_limits import PassedLimits
@@ -153,7 +153,8 @@ class Continuation:
                     self.follow(AddedVolume.name)  # which passes a limit point, and so tells one from a failure
                     step, direct = self.last.step, False
                 elif step < shortest:
-                    raise PathEnd(f"no step succeeded, down to a thousandth of the first one ({failure})") from failure
+                    why = f"no step succeeded, down to a thousandth of the first one ({failure})"
+                    raise PathEnd(why, emptied=isinstance(failure, Emptied)) from failure
 
     def _stepped(self, share: float, goal: float | None, step: float) -> Point:
         """The point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
@@ -249,7 +250,7 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
             after = path.advance(step, left[0])
             stops = [*path.events(before, after), after]
         except PathEnd as end:
-            raise passed.ended(str(end), path.requested) from end
+            raise passed.ended(end, path.requested) from end
         yield from _up_to(path, before, stops, left, passed)
         left = left[1:] if left and after.requested else left
 
@@ -295,4 +296,4 @@ def _check_end(path: Continuation, passed: PassedLimits) -> None:
         raise PathEnd("the pressure has a limit point", limit)
     if not path.by_volume and added > path.largest_growth * path.plane.V_scale:
         why = f"the cavity has grown {path.largest_growth:g} times and the requested value was not met"
-        raise passed.ended(why, path.requested)
+        raise passed.ended(PathEnd(why), path.requested)

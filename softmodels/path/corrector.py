@@ -23,6 +23,10 @@ MOST_SECANTS = 25
 """Steps of the secant method in which a value between two points is found."""
 
 
+class Emptied(NoConvergence):
+    """A state in which a cavity has less than no volume: its walls have passed through each other."""
+
+
 class Corrector:
     """Newton's method along a path.
 
@@ -107,11 +111,14 @@ class Corrector:
 
         Raises:
             NoConvergence: It lies there.
+            Emptied: A cavity's walls have passed through each other, which no short step mends.
         """
         s, t = self.trail.last.state, self.trail.last.tangent
         system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
         along = plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
-        if (system.volumes() <= 0.0).any() or along <= 0.0:
+        if (system.volumes() <= 0.0).any():
+            raise Emptied("a cavity would be pressed empty")
+        if along <= 0.0:
             raise NoConvergence("it jumped to another branch")
         if not system.potential.admits(s.w, state.w):
             raise NoConvergence("a wall passed through what stops it")

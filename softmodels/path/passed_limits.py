@@ -31,9 +31,10 @@ class PassedLimits:
         jumping = turn is not None and _value(requested, turn) > _value(requested, points[-1])
         return cls(limit, turn, jumping)
 
-    def ended(self, why: str, requested: Quantity) -> PathEnd:
+    def ended(self, end: PathEnd, requested: Quantity) -> PathEnd:
         """The end of a path, with the limit point that the requested quantity has met."""
-        return PathEnd(why, requested.limit_met(self.limit, self.turn))
+        limit = requested.limit_met(self.limit, self.turn)
+        return PathEnd(str(end), limit, end.emptied and limit is None)
 
 
 def _value(requested: Quantity, point: Point) -> float:

@@ -83,11 +83,22 @@ class Point:
 
 
 class PathEnd(Exception):
-    """The path cannot go on to what was requested. ``limit`` is the limit point met, or None; ``why`` a clause."""
+    """The path cannot go on to what was requested.
 
-    def __init__(self, why: str, limit: Point | None = None):
+    Args:
+        why: A clause.
+        limit: The limit point met, or None.
+        emptied: Whether the loads press a cavity empty, which is an end of the device's own.
+    """
+
+    def __init__(self, why: str, limit: Point | None = None, emptied: bool = False):
         super().__init__(why)
-        self.limit = limit
+        self.limit, self.emptied = limit, emptied
+
+    @property
+    def physical(self) -> bool:
+        """Whether the device has no state of rest beyond it, and it is not the method that has lost it."""
+        return self.limit is not None or self.emptied
 
 
 def predict(points: Sequence[Point], line: Curve) -> tuple[Array, float]:

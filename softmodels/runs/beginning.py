@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from softmodels.case.case import Case
 from softmodels.path.quantities import DeadForce, Pressure, Travel
+from softmodels.results.lost_path import EMPTIED, FULLER
 from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, RunError
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class Beginning:
         try:
             found = hang(self.solver, targets, self.report)
         except HangingEnd as end:
-            raise RunError(_explained(end), NO_EQUILIBRIUM if end.limit else FAILED) from end
+            raise RunError(_explained(end), NO_EQUILIBRIUM if end.physical else FAILED) from end
         system.dead.origins = found.driven
         return found
 
@@ -106,6 +107,11 @@ def _explained(end: HangingEnd) -> str:
         return (
             f"the device does not bear {end.what}, which act before anything is requested: they have a limit point at "
             f"{end.share:.3g} of themselves or a little below; take less of them, a stiffer silicone or thicker walls"
+        )
+    if end.emptied:
+        return (
+            f"the device does not bear {end.what}, which act before anything is requested: {EMPTIED} at {end.share:.3g} of "
+            f"them. {FULLER}"
         )
     return (
         f"{end.what[0].upper()}{end.what[1:]} could be applied to {end.share:.3g} of themselves alone ({end}); take less of "

@@ -10,7 +10,7 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.path.program import LOAD_KEYS, step_text
 from softmodels.results.columns import cavity_columns, loads_words
-from softmodels.results.lost_path import advice
+from softmodels.results.lost_path import EMPTIED, FULLER, advice
 from softmodels.results.row import Row
 from softmodels.results.terms import split
 
@@ -24,12 +24,15 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     """Why the path ended, where, and what can be done about it; ``petsc`` is whether PETSc had options of its own."""
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
+    where = (
+        f"The last state is at {last.pressure / case.cm:.4g} cm ({last.pressure:.4g} Pa), {device.gauge} rise "
+        f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
+    )
+    if end.emptied:
+        return f"no equilibrium at {asked} on this path: with its loads {EMPTIED} on the way. {where}{FULLER}"
     if end.limit is None:
-        return (
-            f"{asked} was not reached: {end}. The last state is at {last.pressure / case.cm:.4g} cm "
-            f"({last.pressure:.4g} Pa), {device.gauge} rise {last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch "
-            f"{last.max_stretch:.3g}. "
-            + advice(case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc)
+        return f"{asked} was not reached: {end}. {where}" + advice(
+            case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc
         )
     at = fields.figures(end.limit.state)
     if case.driven is not None:
@@ -73,6 +76,11 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     asked = f"step {number} of the program ({step_text(case.program, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
+    if end.emptied:
+        return (
+            f"no equilibrium at {asked} on this path: with its loads {EMPTIED} on the way. The last "
+            f"state has {place}, and {moved}. {FULLER}"
+        )
     if end.limit is None:
         return f"{asked} was not reached: {end}. The last state has {place}, and {moved}. {advice(case, at, petsc)}"
     beyond, instead = "a cavity balloons", "that cavity's added volume (volume_ml) in place of its pressure"

@@ -120,8 +120,8 @@ class Run:
     def limit(self) -> Limit | None:
         """Where and why the path ends before the last requested value; None if it reaches it.
 
-        Of kind ``"limit"`` (a limit point: no equilibrium beyond), ``"lost"`` or ``"stopped"``; ``why`` is the sentence of
-        the command line, with arguments in place of its options.
+        Of kind ``"limit"`` (no equilibrium beyond: a limit point, a cavity pressed empty), ``"lost"`` or ``"stopped"``;
+        ``why`` is the sentence of the command line, with arguments in place of its options.
         """
         status = self._ended.status
         if status == DONE:

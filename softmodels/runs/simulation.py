@@ -175,7 +175,7 @@ class Simulation:
                 yield step
         except PathEnd as end:
             text = explain(case, end, self.fields, path, _own_words())
-            raise PathEnded(text, NO_EQUILIBRIUM if end.limit else FAILED) from end
+            raise PathEnded(text, NO_EQUILIBRIUM if end.physical else FAILED) from end
         except NoConvergence as failure:
             raise RunError(explain_failure(case, failure, last, _own_words())) from failure
 
@@ -217,7 +217,7 @@ class Simulation:
                 yield step
         except PathEnd as end:
             text = explain_step(case, end, rows, come, _own_words())
-            raise PathEnded(text, NO_EQUILIBRIUM if end.limit else FAILED) from end
+            raise PathEnded(text, NO_EQUILIBRIUM if end.physical else FAILED) from end
         except NoConvergence as failure:
             raise RunError(explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
 

@@ -102,6 +102,7 @@ def main() -> None:
         print(f"{number}: {type(case.actuator).__name__}, {law}, {parts}, {asked}: {ended}, {took:.1f} s", flush=True)
         number += 1
         if ended == "refused":
+            print(f"   {fault}", flush=True)
             refused[fault[:80]] += 1
             continue
         endings[ended] += 1

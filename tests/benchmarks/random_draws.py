@@ -125,10 +125,10 @@ def material_of(chance: random.Random) -> Any:
 
 
 def _ball(draw: Draw) -> Part:
-    """A sphere or a cylinder in front of a probe, or around all of a section."""
+    """A sphere or a cylinder in front of the farthest probe, or around all of a section."""
     size, chance = draw.device.size, draw.chance
-    tip = np.array(chance.choice(list(draw.device.probes.values())))
     lift, radius, far = np.asarray(draw.device.lift), size * chance.uniform(0.2, 1.0), size * chance.uniform(0.02, 0.2)
+    tip = max((np.array(point) for point in draw.device.probes.values()), key=lambda point: float(point @ lift))
     place = tip + lift * (radius + far)
     if draw.solid:
         shape = chance.choice(["sphere", "cylinder"])

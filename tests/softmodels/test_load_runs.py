@@ -198,3 +198,14 @@ def test_a_weight_that_is_not_borne():
     with pytest.raises(sm.RunError, match=r"does not bear its dead loads.*limit point at 0") as end:
         sm.run(case)
     assert end.value.status == 3
+
+
+def test_a_cavity_that_is_pressed_empty():
+    """A membrane pushed through the floor of its chamber: an end of the device's own, with what lets it rest there."""
+    membrane = sm.Membrane(chamber_depth=0.001, cell_size=0.002)
+    push = Force(face="top", direction="-z")
+    case = Case("push", membrane, NeoHookean(30e3), parts=(push,), driven=LoadRequest("travel_mm", (4.0,)))
+    limit = sm.run(case).limit
+    assert limit.kind == "limit" and "a cavity is pressed empty" in limit.why and "cavity has taken" not in limit.why
+    chamber = np.pi * membrane.radius**2 * membrane.chamber_depth
+    assert -chamber < limit.added_volume < -0.9 * chamber

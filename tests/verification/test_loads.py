@@ -319,6 +319,19 @@ def test_a_weight_on_a_disk(body_of, figure):
     )
 
 
+def test_several_masses_on_one_face(body_of):
+    """Two of them hang as one of their sum does."""
+    solvers = [
+        solver_of(body_of, DISK, NeoHookean(30e3, 0.49), Gravity(direction="-z"), *masses)
+        for masses in (
+            [Mass(face="top", amount=0.05, name="plate"), Mass(face="top", amount=0.02, name="nut")],
+            [Mass(face="top", amount=0.07, name="plate")],
+        )
+    ]
+    both, one = (solver.system.dead.amounts[0] * solver.system.pressure_loads()[-1] for solver in solvers)
+    np.testing.assert_allclose(both, one, rtol=1e-10, atol=1e-12 * np.abs(one).max())
+
+
 BEAM = Beam(length=0.060, width=0.006, thickness=0.003, cell_size=0.003, clamp="slip")
 STIFF = NeoHookean(60e3, 0.49)
 
