@@ -28,8 +28,11 @@ NEAR = 1.5
 STEPS, CLOSE = 8, 1e-9
 """Most of Newton's steps, and the share of the manifold's radius below which the last was: the next would be its square."""
 
-TURN = 1e-4
-"""Step in radians of the differences with which the nearest centre is found."""
+TURN, LARGEST_TURN = 1e-4, 0.3
+"""Step in radians of the differences with which the nearest centre is found, and the largest by which it is looked for."""
+
+SEARCH, FLATTEST = 40, 0.1
+"""Most steps of that search, and the least curvature it takes the squared distance to have, in that of a straight rim's."""
 
 
 def dot(one: Array, other: Array) -> Array:
@@ -130,7 +133,17 @@ class Junction:
         return np.where(beyond, ball, np.sqrt(ring**2 - across**2))
 
     def _lever(self, points: Array, turn: Array, start: Array) -> tuple[Array, Array, Array]:
-        """Half the derivative of the squared distance to the rim by its polar angle, the centres, and where along they are."""
+        """How the distance to the rim falls with its polar angle.
+
+        Args:
+            points: Places, shape (n, 3).
+            turn: Polar angles of centres on the rim, shape (n,).
+            start: See `rim`.
+
+        Returns:
+            Half the derivative of the squared distance, its sign changed; the square of how far the centre moves per radian;
+            and where along the ray it is; shapes (n,).
+        """
         direction = np.column_stack([np.cos(turn), np.sin(turn)])
         centre, along = self.rim(direction, start)
         cone = self.line.cones[0]
@@ -140,19 +153,27 @@ class Junction:
         around = around - [0.0, 0.0, self.slab.offset]
         _, normal = tube_level(self.slab, centre)
         tangent = around - step * (dot(normal, around) / dot(normal, step))[:, None]
-        return dot(points - centre, tangent), centre, along
+        return dot(points - centre, tangent), dot(tangent, tangent), along
 
     def nearest(self, points: Array) -> Array:
-        """Centres on the rim closest to points near the rounding, shape (n, 3)."""
+        """Centres on the rim closest to points near the rounding, shape (n, 3).
+
+        Newton's method on the squared distance, with a least curvature and a largest step: about where the rim's centres of
+        curvature lie several of its centres are equally near.
+        """
         _, _, direction = self.local(points)
         turn = np.arctan2(direction[:, 1], direction[:, 0])
         _, along = self.rim(direction)
-        for _ in range(STEPS):
-            more, less = (self._lever(points, turn + by, along)[0] for by in (TURN, -TURN))
-            now, _, along = self._lever(points, turn, along)
-            change = now * 2.0 * TURN / (more - less)
-            turn = turn - change
-            if np.abs(change).max(initial=0.0) < 1e-9:  # the next would be its square
+        left = np.arange(len(points))
+        for _ in range(SEARCH):
+            here, at, start = points[left], turn[left], along[left]
+            more, less = (self._lever(here, at + by, start)[0] for by in (TURN, -TURN))
+            now, size, along[left] = self._lever(here, at, start)
+            change = now / np.maximum((less - more) / (2.0 * TURN), FLATTEST * size)
+            change = np.clip(change, -LARGEST_TURN, LARGEST_TURN)
+            turn[left] += change
+            left = left[np.abs(change) >= 1e-9]  # the next would be its square
+            if not len(left):
                 break
         direction = np.column_stack([np.cos(turn), np.sin(turn)])
         return self.rim(direction, along)[0]

@@ -203,3 +203,24 @@ def test_a_channel_that_becomes_too_short_is_refused():
     points = junction.place(along, radius, np.tile([0.0, 1.0], (20, 1)))
     with pytest.raises(GeometryError, match="channel at 30 deg becomes so short"):
         slab.carried(other, points)
+
+
+def test_the_nearest_centre_of_a_rounding_is_found_where_several_are_about_as_near():
+    """Channels nearly as wide as their manifold: the rim is curved most there, and Newton's method alone strays."""
+    slab = SeminarActuator(
+        thickness=0.0028, channels=18, spread=157.0, offset=-0.000435, manifold_radius=0.0099, manifold_bore=0.00028,
+        channel_bore=0.000225, end_bore=0.00028, fillet=0.00017, around=3.0, cell_size=0.0026,
+    )  # fmt: skip
+    random = np.random.default_rng(3)
+    for line in half_fan(slab)[::4]:
+        joint = Junction(slab, line)
+        turn = random.uniform(-np.pi, np.pi, 400)
+        direction = np.column_stack([np.cos(turn), np.sin(turn)])
+        centre, along = joint.rim(direction)
+        # On the channel's wall, from the touching line outwards, as far as a place may belong to the rounding.
+        points = joint.place(along + random.uniform(0.0, 1.4, 400) * slab.fillet, np.full(400, line.bore), direction)
+        found = joint.nearest(points)
+        away, first = np.linalg.norm(points - found, axis=1), np.linalg.norm(points - centre, axis=1)
+        assert (away <= first * (1.0 + 1e-9)).all()
+        moved = joint.nearest(points + 1e-12)
+        assert np.linalg.norm(moved - found, axis=1).max() < 1e-8
