@@ -11,21 +11,58 @@ with stoppable("softmodels", speaks):
     import click
 
     from softmodels import __version__
-    from softmodels.cli import limit_command
-    from softmodels.cli import mould as mould_command
     from softmodels.cli import options as commandline
-    from softmodels.cli.curve_command import curve
-    from softmodels.cli.demo import demo
-    from softmodels.cli.design import design
-    from softmodels.cli.examples import examples
-    from softmodels.cli.export import command as export_command
-    from softmodels.cli.fit_command import fit_material
-    from softmodels.cli.run_command import run
-    from softmodels.cli.score_command import score
-    from softmodels.cli.silicone_command import silicones
+    from softmodels.cli.lazy_group import LazyGroup, Place
+
+PLACES = {
+    "curve": Place(
+        "softmodels.cli.curve_command", "curve",
+        "Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.",
+    ),
+    "demo": Place(
+        "softmodels.cli.demo", "demo",
+        "Go once around: simulate a known silicone, photograph it, measure the photographs, fit, and compare.",
+    ),
+    "design": Place(
+        "softmodels.cli.design", "design", "Find the device that does best what a problem FILE asks for, within its limits."
+    ),
+    "examples": Place(
+        "softmodels.cli.examples", "examples",
+        "Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.",
+    ),
+    "export": Place(
+        "softmodels.cli.export", "command",
+        "Write the case FILE for another program: the same mesh, silicone, supports and pressures.",
+    ),
+    "fit": Place(
+        "softmodels.cli.fit_command", "fit_material",
+        "Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.",
+    ),
+    "limit": Place(
+        "softmodels.cli.limit_command", "command",
+        "Tell the largest pressure a device can bear, and where it is strained most there.",
+    ),
+    "mould": Place(
+        "softmodels.cli.mould", "command",
+        "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
+    ),
+    "run": Place(
+        "softmodels.cli.run_command", "run",
+        "Run a case FILE, such as the case.toml in a folder of results, or a device by its options.",
+    ),
+    "score": Place(
+        "softmodels.cli.score_command", "score",
+        "Score materials against held-out tensile curves, or against outlines of a device.",
+    ),
+    "silicones": Place(
+        "softmodels.cli.silicone_command", "silicones",
+        "List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.",
+    ),
+}  # fmt: skip
+"""The commands but for `draw` and `doctor`, which are below."""
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="softmodels")
 def softmodels() -> None:
     """Simulate pneumatic soft actuators.
@@ -49,10 +86,8 @@ def softmodels() -> None:
     """
 
 
-softmodels.add_command(run)
-softmodels.add_command(limit_command.command)
-softmodels.add_command(mould_command.command)
-softmodels.add_command(export_command)
+assert isinstance(softmodels, LazyGroup)
+softmodels.places, softmodels.speaks = PLACES, speaks
 
 
 @softmodels.command("draw")
@@ -70,15 +105,6 @@ def check() -> None:
     from softmodels.cli.doctor import doctor
 
     doctor()
-
-
-softmodels.add_command(fit_material)
-softmodels.add_command(curve)
-softmodels.add_command(score)
-softmodels.add_command(silicones)
-softmodels.add_command(design)
-softmodels.add_command(demo)
-softmodels.add_command(examples)
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import collections
 import importlib.util
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -27,6 +28,14 @@ ABSENT = "no shared/data/"
 NOISE = 1e-8
 """Bounds below this are of rounding and of what the solvers' tolerances leave, which differ from machine to machine: they are
 asserted ten times wider."""
+
+
+if sys.dont_write_bytecode:
+    # Many images set PYTHONDONTWRITEBYTECODE. Tests start hundreds of commands, and each would translate all it imports anew,
+    # which takes longer than importing it. What is translated goes beside pytest's own cache, and nothing into the source.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ.setdefault("PYTHONPYCACHEPREFIX", str(Path(__file__).parents[1] / ".pytest_cache" / "bytecode"))
+    sys.dont_write_bytecode, sys.pycache_prefix = False, os.environ["PYTHONPYCACHEPREFIX"]
 
 
 @pytest.fixture(scope="session")

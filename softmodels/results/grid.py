@@ -5,11 +5,16 @@ Nodes are sorted by position and cells by their number in the mesh file, so that
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.mpi import gathered
 from softmodels.mechanics.system import System
+
+if TYPE_CHECKING:
+    from dolfinx import fem
 
 Array = npt.NDArray[np.float64]
 
@@ -84,7 +89,7 @@ def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32]
     d = grid.dimension
     space = system.space
     if not system.mixed:
-        nodes = _matched(grid, space.tabulate_dof_coordinates())
+        nodes = _matched(grid, space)
         found = np.empty((len(nodes), d), dtype=np.int32)
         found[nodes] = d * np.arange(len(nodes))[:, None] + np.arange(d)
         return found, None
@@ -93,7 +98,7 @@ def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32]
         sub, blocks = space.sub(0).sub(component).collapse()
         parents = np.concatenate(blocks)
         column = np.empty(len(parents), dtype=np.int32)
-        column[_matched(grid, sub.tabulate_dof_coordinates())] = parents
+        column[_matched(grid, sub)] = parents
         columns.append(column)
     corners = system.potential.pressure_dofs
     pressures = np.full((len(columns[0]), corners.shape[2]), -1, dtype=np.int32)
@@ -101,11 +106,12 @@ def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32]
     return np.column_stack(columns), pressures
 
 
-def _matched(grid: Grid, points: Array) -> npt.NDArray[np.int64]:
-    """For each point, the local node of the grid at the same place."""
-    from scipy.spatial import KDTree
-
-    distance, nodes = KDTree(grid.space.tabulate_dof_coordinates()).query(points)
-    if len(distance) and distance.max() > 1e-9:
+def _matched(grid: Grid, space: fem.FunctionSpace) -> npt.NDArray[np.int64]:
+    """For each node of a space of the grid's degree, the local node of the grid at the same place: cells number both alike."""
+    places = space.tabulate_dof_coordinates()
+    nodes = np.empty(len(places), dtype=np.int64)
+    nodes[np.ravel(space.dofmap.list)] = np.ravel(grid.space.dofmap.list)
+    distance = np.abs(grid.space.tabulate_dof_coordinates()[nodes] - places)
+    if distance.max(initial=0.0) > 1e-9:
         raise RuntimeError("the results' nodes are not where the unknowns are")
     return nodes

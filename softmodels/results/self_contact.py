@@ -24,6 +24,9 @@ OPPOSED = -0.3
 BESIDE = 0.7
 """Largest distance along the wall, in sizes of the facets, of two that lie opposite each other."""
 
+FEW = 400
+"""Facets up to which all pairs are looked at, as of a section: loading SciPy's tree takes longer than that."""
+
 THROUGH = 5e-3
 """How far through a cut plane a wall has to be, in sizes of the mesh; walls that a plane stops sink in by less."""
 
@@ -95,7 +98,7 @@ class Walls:
             if beyond.max(initial=-np.inf) > THROUGH * self.size:
                 return np.asarray(middle[int(np.argmax(beyond))])
         reach = 1.2 * float(np.percentile(size, 75))
-        i, j = scipy.spatial.cKDTree(middle).query_pairs(reach, output_type="ndarray").T
+        i, j = _near(middle, reach)
         near = np.einsum("pi,pi->p", normal[i], normal[j]) < OPPOSED
         near &= ~(self.resisted[:, i] & self.resisted[:, j]).any(axis=0)
         i, j = i[near], j[near]
@@ -112,3 +115,13 @@ class Walls:
             return None
         deepest = int(np.argmax(depth))
         return np.asarray((middle[i[deepest]] + middle[j[deepest]]) / 2.0)
+
+
+def _near(places: Array, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once."""
+    if len(places) > FEW:
+        i, j = scipy.spatial.cKDTree(places).query_pairs(reach, output_type="ndarray").T
+        return i, j
+    i, j = np.triu_indices(len(places), 1)
+    near = ((places[i] - places[j]) ** 2).sum(axis=1) <= reach**2
+    return i[near], j[near]

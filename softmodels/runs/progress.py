@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from softmodels.results.columns import loads_words
 from softmodels.results.row import Row
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress as Bar
 
 
@@ -24,20 +26,22 @@ class Progress:
     """
 
     def __init__(self, last: float, unit: str, gauge: str, quiet: bool):
-        from rich.console import Console
-
         self.last, self.unit, self.gauge, self.quiet = last, unit, gauge, quiet
-        self.console = Console(stderr=True, quiet=quiet, highlight=False, soft_wrap=True)
-        self.console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         self.started = time.monotonic()
+        self._console: Console | None = None
         self._bar: Bar | None = None
         self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> Progress:
+        if self.quiet or sys.stderr is None or not sys.stderr.isatty():
+            return self  # a log has no bar, and need not wait for rich
+        from rich.console import Console
         from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
         from rich.progress import Progress as Bar
 
-        if self.console.is_terminal and not self.quiet:
+        self._console = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+        self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
+        if self._console.is_terminal:
             columns = (
                 TextColumn("{task.description}"),
                 BarColumn(),
@@ -45,7 +49,7 @@ class Progress:
                 TextColumn("left"),
                 TimeRemainingColumn(),
             )
-            self._bar = Bar(*columns, console=self.console)
+            self._bar = Bar(*columns, console=self._console)
             self._task = self._bar.add_task("starting", total=self.last)
             self._bar.start()
         return self
@@ -56,14 +60,21 @@ class Progress:
 
     def say(self, text: str) -> None:
         """One line about what is going on."""
+        if self.quiet:
+            return
         try:
-            self.console.print(spoken(text))
-        except OSError:
+            if self._console is not None:
+                self._console.print(spoken(text))
+            else:
+                print(spoken(text), file=sys.stderr, flush=True)
+        except (OSError, ValueError):  # a stream that was closed is a ValueError
             self._hush()
 
     def _hush(self) -> None:
         """Nobody reads any more, or a log's disk is full: a run outlives its log, where rich would end the program."""
-        self.console.quiet = True
+        self.quiet = True
+        if self._console is not None:
+            self._console.quiet = True
 
     def step(self, row: Row, value: float) -> None:
         """One step done: its row of the table, and how far it is towards the last requested value."""

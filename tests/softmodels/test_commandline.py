@@ -6,6 +6,7 @@ import os
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
 import softmodels.cli.run
@@ -207,3 +208,9 @@ def test_bad_input_on_two_ranks_is_said_once(runs, tmp_path):
         pytest.skip("no mpirun beside the interpreter")
     done = runs.disk(tmp_path / "disk", "--pressure-cm", "177:0", launcher=[mpirun, "-n", "2"])
     assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and "falls from 177 to 0" in done.err
+
+
+def test_commands_are_listed_by_the_first_sentence_of_their_help():
+    context = click.Context(whole_command)
+    for name, place in whole_command.places.items():
+        assert whole_command.get_command(context, name).get_short_help_str(1000) == place.text

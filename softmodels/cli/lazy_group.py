@@ -1,0 +1,58 @@
+"""A group of commands that are imported when they are called: help, and each command, need not wait for all others."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+from collections.abc import Callable, Mapping
+
+import click
+
+from measurement.ending import stoppable
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """Where a command is.
+
+    Attributes:
+        module: Its module.
+        name: The command's name in there.
+        text: The first sentence of its help.
+    """
+
+    module: str
+    name: str
+    text: str
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are named by `Place`.
+
+    Attributes:
+        places: By the commands' names.
+        speaks: Whether this process may print, where it is stopped while a command is imported.
+    """
+
+    places: Mapping[str, Place] = {}
+    speaks: Callable[[], bool] = staticmethod(lambda: True)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted({*self.commands, *self.places})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self.commands and cmd_name in self.places:
+            place = self.places[cmd_name]
+            with stoppable("softmodels", self.speaks):
+                self.add_command(getattr(importlib.import_module(place.module), place.name), cmd_name)
+        return super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list of commands in the group's help, without importing them."""
+        names = self.list_commands(ctx)
+        limit = formatter.width - 6 - max(map(len, names))
+        texts = {name: place.text for name, place in self.places.items()}
+        rows = [(name, click.Command(None, help=texts[name]).get_short_help_str(limit)) if name in texts
+                else (name, self.commands[name].get_short_help_str(limit)) for name in names]  # fmt: skip
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
