@@ -31,11 +31,12 @@ from geometries.cylinder_checks import check_cylinder, expected_cells
 from geometries.fields import angle_field, choice_field, length_field
 from geometries.halved import Halved
 from geometries.registry import register
+from geometries.sectioned import Sectioned
 
 
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Cylinder(Halved):
+class Cylinder(Sectioned, Halved):
     """A tube closed by a cap: straight as an axisymmetric section, bending as half of it, twisting as the whole.
 
     Lengths are in m, angles in degrees. Physical groups: cells "wall" (the straight tube) and "cap"; facets "cavity",
@@ -92,10 +93,6 @@ class Cylinder(Halved):
         return self.dimension == 3 and self.strip > 0.0
 
     @property
-    def dimension(self) -> int:
-        return 2 if self.section == "axisymmetric" else 3
-
-    @property
     def mesh_order(self) -> int:
         return self.order
 
@@ -135,7 +132,7 @@ class Cylinder(Halved):
         held = Hold("support", None if self.base == "held" else self.lift)
         ends = () if self.end == "free" else (Hold("end", None if self.end == "held" else self.lift),)
         if self.dimension == 2:
-            return (held, Hold("axis", (1.0, 0.0, 0.0)), *ends)
+            return (held, *self.axis_holds, *ends)
         if self.base == "held" or self.end == "held":
             return (held, *ends)
         # What slides still moves as a whole along x, and in the whole tube along y and about z.

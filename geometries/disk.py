@@ -26,7 +26,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold, Vector
+from geometries.actuator import CutPlane, Hold, Vector
 from geometries.disk_cells import expected_cells
 from geometries.disk_checks import check_disk, clearances
 from geometries.disk_outline import carried
@@ -35,11 +35,12 @@ from geometries.membrane_profile import MembraneTop
 from geometries.parameters import parameter_names
 from geometries.parting import Parting
 from geometries.registry import register
+from geometries.sectioned import Wedged
 
 
 @register
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class HollowDisk(Actuator):
+class HollowDisk(Wedged):
     """A hollow disk, as a wedge of any angle that divides the circle or as an axisymmetric profile.
 
     Lengths are in m, angles in degrees. Physical groups of a wedge: volume "solid"; surfaces "cavity", "top", "outer" and,
@@ -107,24 +108,12 @@ class HollowDisk(Actuator):
         check_disk(self)
 
     @property
-    def dimension(self) -> int:
-        return 2 if self.section == "axisymmetric" else 3
-
-    @property
     def mesh_order(self) -> int:
         return self.order
 
     @property
     def expected_cells(self) -> float:
         return expected_cells(self)
-
-    @property
-    def copies(self) -> int:
-        return 1 if self.dimension == 2 else round(360.0 / self.angle)
-
-    @property
-    def fuller(self) -> str:
-        return "--section wedge --angle 360deg" if self.dimension == 2 else "--angle 360deg"
 
     @property
     def size(self) -> float:
@@ -168,7 +157,7 @@ class HollowDisk(Actuator):
         rim = self.support == "rim"
         support = Hold("support", self.lift, point=self.dimension == 2) if rim else Hold("support", None)
         if self.dimension == 2:
-            return (support, Hold("axis", (1.0, 0.0, 0.0)))
+            return (support, *self.axis_holds)
         if not rim or self.copies > 2:
             return (support,)
         # A rim leaves the slide along the one plane of a half disk, and every horizontal motion of a full one.

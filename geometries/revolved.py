@@ -11,11 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold
+from geometries.actuator import CutPlane
 from geometries.cell_count import check_cell_count
 from geometries.errors import GeometryError
 from geometries.fields import angle_field, choice_field, number_field, shown
 from geometries.panels import Panel, Place, Side, chained, enclosed_volume, outline, turned_volume
+from geometries.sectioned import Wedged
 
 NARROWEST = 5.0
 """Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
@@ -50,7 +51,7 @@ def through_field(default: float = 2.0) -> Any:
     return number_field(default, "how many cells there are through the wall", shape=False)
 
 
-class Revolved(Actuator):
+class Revolved(Wedged):
     """A body of revolution around z; a device is a dataclass of it with the fields below and its `panels`.
 
     Fields that a device declares: ``cell_size`` (edge length along its walls), ``through`` (`through_field`), ``section``
@@ -60,8 +61,6 @@ class Revolved(Actuator):
 
     cell_size: float
     through: float
-    section: str
-    angle: float
 
     axial: ClassVar = True
     mesh_order: ClassVar = 2
@@ -95,28 +94,11 @@ class Revolved(Actuator):
         return {}
 
     @property
-    def dimension(self) -> int:
-        return 2 if self.section == "axisymmetric" else 3
-
-    @property
-    def copies(self) -> int:
-        return 1 if self.dimension == 2 else round(360.0 / self.angle)
-
-    @property
-    def fuller(self) -> str:
-        return "--section wedge --angle 360deg" if self.dimension == 2 else "--angle 360deg"
-
-    @property
     def cut_planes(self) -> tuple[CutPlane, ...]:
         if self.dimension == 2 or self.copies == 1:
             return ()
         turn = math.radians(self.angle)
         return (CutPlane("plane0", (0.0, -1.0, 0.0)), CutPlane("plane1", (-math.sin(turn), math.cos(turn), 0.0)))
-
-    @property
-    def axis_holds(self) -> tuple[Hold, ...]:
-        """Among `holds`: the axis of a section, from which nothing can move away; empty for a wedge."""
-        return (Hold("axis", (1.0, 0.0, 0.0)),) if self.dimension == 2 else ()
 
     @property
     def wedge_size(self) -> float:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import math
+import sys
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -544,3 +547,12 @@ def solved(equilibrium):
         return path, points, end
 
     return solve
+
+
+@pytest.fixture(scope="session")
+def shooting():
+    """The membrane equations, solved by shooting."""
+    spec = importlib.util.spec_from_file_location("membrane_shooting", Path(__file__).with_name("membrane_shooting.py"))
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

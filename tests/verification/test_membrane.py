@@ -7,10 +7,6 @@ is a percent or less once the membrane has risen by half its radius or more.
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -27,14 +23,6 @@ LAWS = {
     "yeoh": (Yeoh(15e3, 300.0, 20.0, 0.5), (15e3, 300.0, 20.0)),
 }
 EQUATIONS = "the membrane equations by shooting, thickness over radius 0.005 and 0.03"
-
-
-@pytest.fixture(scope="module")
-def shooting():
-    spec = importlib.util.spec_from_file_location("membrane_shooting", Path(__file__).with_name("membrane_shooting.py"))
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module", params=LAWS.values(), ids=LAWS)

@@ -5,10 +5,7 @@ The equations know no bending and no thickness; a membrane of thickness t bends 
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,14 +31,6 @@ CASES = {
 }
 """Law, its numbers in the membrane equations, thickness over radius, and weight over 2 pi a t mu."""
 EQUATIONS = "the membrane equations by shooting, with a rigid plate and its weight"
-
-
-@pytest.fixture(scope="module")
-def shooting():
-    spec = importlib.util.spec_from_file_location("membrane_shooting", Path(__file__).with_name("membrane_shooting.py"))
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 class Plated:
