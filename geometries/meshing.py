@@ -18,6 +18,7 @@ import numpy as np
 
 from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
+from geometries.hushed import hushed
 from geometries.mesh_files import load_mesh
 from geometries.mirroring import mirror_mesh
 from measurement.signal_handlers import handlers_kept
@@ -205,7 +206,8 @@ def _generate(actuator: Actuator) -> None:
         raise MeshingError("Gmsh made no cells inside the solid; try a larger fillet (or none) or another cell size")
     if actuator.dimension == 3:
         # Flat tetrahedra are reshaped while the edges are still straight; curving them would turn some inside out.
-        gmsh.model.mesh.optimize("Netgen")
+        with hushed(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
+            gmsh.model.mesh.optimize("Netgen")
     gmsh.model.mesh.setOrder(actuator.mesh_order)
     if _worst(actuator.dimension) > LEAST_QUALITY:
         return

@@ -147,9 +147,17 @@ class Fibres(EnergyPart):
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         if self.modulus:
+            kinks = (
+                ""
+                if self.slack
+                else (
+                    "; they bear compression, and where they are shortened with a stress of about the silicone's shear modulus "
+                    "they kink it (Rosen 1965): slack = true lets them go slack instead"
+                )
+            )
             return (
                 f"the fibres of {self.where} have a modulus of {self.modulus / 1e6:.4g} MPa: see whether the run goes on with "
-                "a smaller one, or a finer mesh"
+                f"a smaller one, or a finer mesh{kinks}"
             )
         return (
             f"the fibres of {self.where} have {self.stiffness / 1e3:.4g} kN/m: see whether the run goes on with softer ones"

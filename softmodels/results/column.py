@@ -47,7 +47,7 @@ class Solved:
     @property
     def pressure(self) -> float:
         """In Pa; of a program's pressures the highest stands for all."""
-        return max(self.figures.cavity_pressures) if self.case.program else self.figures.pressure
+        return max(self.figures.cavity_pressures, default=0.0) if self.case.program else self.figures.pressure
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -150,4 +150,4 @@ def _close(results: Results, case: Case, ended: Ended) -> None:
 
 def _loaded(rows: Sequence[Row]) -> bool:
     """Whether there is a state that is not at rest."""
-    return any(row["pressure_Pa"] or row["added_volume_ml"] for row in rows)
+    return any(row["pressure_Pa"] or row["max_displacement_mm"] for row in rows)

@@ -11,6 +11,12 @@ programs of several steps; every law and every named silicone.
 A case is at fault that crashed, that was lost without a physical reason, whose work by the air and by the loads is not what
 is stored (the trapezoidal rule over the path's own steps, within `BALANCE`), or that its own file does not repeat. A case that
 is refused before it is solved is drawn anew and counted; that is a sentence and not a fault.
+
+The first 184 sections that were drawn: 33 were refused by their meshes, 151 were solved. 130 ended in their value or at a named
+physical limit, 21 at fault. Of those 19 had five causes that are mended, and not all of them have been run again: contact so
+soft that a wrapped membrane sank in, fabrics on faces square to their direction, several masses, a region and a face of one
+name, a held end's stiffness, a cavity pressed empty. Two are open: fibres that bear compression in all of a disk (128; with
+``slack`` it reaches its value), and a bellows pressed flat against a plane (168). Solids have not been run in this number.
 """
 
 from __future__ import annotations
@@ -23,7 +29,7 @@ import tomllib
 from typing import Any
 
 import numpy as np
-from random_draws import REFUSED, case_of
+from random_draws import case_of
 
 import softmodels as sm
 from softmodels.case.case import Case
@@ -70,7 +76,7 @@ def outcome(case: Case) -> tuple[str, str]:
         return "unlike", "its file is of another case"
     try:
         return fault_of(case, sm.run(case))
-    except REFUSED as error:  # only the mesh shows that it cannot be there
+    except (sm.PartError, sm.ObstacleError, sm.GeometryError) as error:  # only the mesh shows that it cannot be there
         return "refused", str(error)
     except sm.RunError as error:
         return ("limit", "") if error.status == NO_EQUILIBRIUM else ("lost", str(error))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
 import click.testing
 import pytest
 
-from geometries import GeometryError, HollowDisk, MeshingError
+from geometries import Beam, GeometryError, HollowDisk, MeshingError
 from geometries.__main__ import main
 from geometries.meshing import summarize
 
@@ -26,6 +27,21 @@ def test_order_two_cells_are_valid_and_order_one_has_the_same_cells(tmp_path):
     first = summarize(HollowDisk(order=1).write(tmp_path / "1.msh"))
     assert second.quality > 0.05 and first.cells == second.cells and first.nodes < second.nodes
     assert "4.1 0 8" in (tmp_path / "2.msh").read_text()[:40]
+
+
+def test_nothing_of_netgens_is_printed(tmp_path, monkeypatch, capfd):
+    """Netgen writes to the terminal by itself where it cannot improve a flat cell; other words are kept."""
+    import gmsh
+
+    def optimize(method):
+        if method == "Netgen":
+            os.write(2, b"ERROR: BFGS update error1!!!!\n")
+            os.write(1, b"BFGS update error2\nanother thread's\n")
+
+    monkeypatch.setattr(gmsh.model.mesh, "optimize", optimize)
+    Beam(length=0.02, cell_size=0.005).write(tmp_path / "beam.msh")
+    seen = capfd.readouterr()
+    assert seen.out == "another thread's\n" and seen.err == ""
 
 
 def test_callers_gmsh_session_is_left_alone(tmp_path):

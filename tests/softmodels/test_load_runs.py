@@ -200,6 +200,23 @@ def test_a_weight_that_is_not_borne():
     assert end.value.status == 3
 
 
+def test_a_force_that_is_not_borne():
+    """A device without a cavity ends at a limit point as one with a cavity does: the run comes back, with its end."""
+    from softmodels.materials.laws import Yeoh
+
+    beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
+    pull, asked = Force(face="tip", direction="x"), LoadRequest("force_N", (6.0,))
+    run = sm.run(Case("beam", beam, Yeoh(10e3, -1100.0, 60.0, 0.495), parts=(pull,), driven=asked))
+    assert run.limit.kind == "limit" and "the force has a limit point" in run.limit.why and len(run) > 3
+
+
+def test_a_program_of_a_device_without_a_cavity():
+    beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
+    program = (Series("force_N", (0.5, 0.2), "force"),)
+    run = sm.run(Case("beam", beam, LAW, parts=(Force(face="tip", direction="x"),), program=program))
+    assert run.limit is None and run.path["force_N"][-1] == pytest.approx(0.2) and not run.path["pressure_Pa"].any()
+
+
 def test_a_cavity_that_is_pressed_empty():
     """A membrane pushed through the floor of its chamber: an end of the device's own, with what lets it rest there."""
     membrane = sm.Membrane(chamber_depth=0.001, cell_size=0.002)
