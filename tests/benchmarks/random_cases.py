@@ -13,10 +13,10 @@ is stored (the trapezoidal rule over the path's own steps, within `BALANCE`), or
 is refused before it is solved is drawn anew and counted; that is a sentence and not a fault.
 
 The first 184 sections that were drawn, while the library was mended: 33 were refused by their meshes, 151 were solved. 130 of
-these ended in their value or at a named physical limit, 21 at fault. 19 of them had five causes that are mended: fabrics on faces
-square to their direction, a region and a face of one name, several masses, a held end's stiffness, a cavity pressed empty. Two
-are open: fibres that bear compression in all of a disk (128; with ``slack`` it reaches its value), and a bellows pressed flat
-against a plane (168). The whole has not been run again since, nor are there solids in this number.
+these ended in their value or at a named physical limit, 21 at fault. 19 of them had five causes that are mended: fabrics on
+faces square to their direction, a region and a face of one name, several masses, a held end's stiffness, a cavity pressed
+empty. Two are open: fibres that bear compression in all of a disk (128; with ``slack`` it reaches its value), and a bellows
+pressed flat against a plane (168). The whole has not been run again since, nor are there solids in this number.
 """
 
 from __future__ import annotations
