@@ -1,0 +1,70 @@
+"""What a user waits for around the solver: commands of this tree and of another one, alternating, as ratios.
+
+    git worktree add --detach /tmp/before COMMIT && (cd /tmp/before && uv sync)
+    uv run python tests/benchmarks/waiting.py /tmp/before --repeat 5
+
+Both trees need an environment of their own (``.venv``). Each command is run once in each to warm the caches, and then in turn.
+CPU seconds are of the command and its processes together, and tell the same on a busy machine; what overlaps on two cores
+shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes one of the commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+HERE = Path(__file__).parents[2]
+DISK = ("-m", "softmodels.disk")
+SECTION = (*DISK, "--pressure-cm", "0:177", "--section", "axisymmetric", "--no-pictures")
+COMMANDS = {
+    "help": ((*DISK, "--help"), 3.0),
+    "refused": ((*DISK, "--pressure-cm", "5:3"), 3.0),
+    "group": (("-m", "softmodels", "--help"), 3.0),
+    "section": (SECTION, 2.0),
+    "wedge": ((*DISK, "--pressure-cm", "0:177"), 2.5),
+}
+"""Words after ``python``, and how many times faster than before they are to be."""
+
+
+def spent(tree: Path, words: tuple[str, ...], output: Path) -> tuple[float, float]:
+    """CPU and wall seconds of a command."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"} | {"OMP_NUM_THREADS": "1"}
+    more = ("-o", str(output / tree.name)) if "--pressure-cm" in words else ()
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    subprocess.run(
+        [tree / ".venv/bin/python", *words, *more], cwd=tree, env=environment, capture_output=True, check=False
+    )
+    wall, after = time.monotonic() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("before", type=Path, help="the tree to compare with")
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--only", choices=COMMANDS, nargs="*", default=list(COMMANDS))
+    given = parser.parse_args()
+    print("command   CPU s before  after  ratio   wall s before  after  ratio   wanted")
+    with tempfile.TemporaryDirectory() as folder:
+        for name in given.only:
+            words, wanted = COMMANDS[name]
+            trees = (given.before.resolve(), HERE)
+            for tree in trees:
+                spent(tree, words, Path(folder))
+            runs = [[spent(tree, words, Path(folder)) for tree in trees] for _ in range(given.repeat)]
+            cells = []
+            for kind in (0, 1):
+                old, new = ([run[k][kind] for run in runs] for k in (0, 1))
+                ratio = statistics.median(a / b for a, b in zip(old, new, strict=True))
+                cells.append(f"{statistics.median(old):12.2f} {statistics.median(new):6.2f} {ratio:6.2f}")
+            print(f"{name:9}{cells[0]}  {cells[1]}   {wanted:.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
