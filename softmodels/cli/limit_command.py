@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geometries import Actuator, GeometryError, HollowDisk, MeshingError
+from geometries import ACTUATORS, Actuator, GeometryError, HollowDisk, MeshingError
 from geometries.options import QuantityType, check_meaning, device_options, device_told
 from measurement.output_option import FolderType, open_folder
 from measurement.output_place import status_of
@@ -19,6 +19,7 @@ from measurement.units import WATER_DENSITY
 from softmodels.case.case import Case, CaseError
 from softmodels.case.material_table import material_from
 from softmodels.cli.case_options import Values, law_taken, material_options, taken
+from softmodels.cli.device_word import DEVICE, by_device
 from softmodels.cli.limit_texts import Column, Sampled, Scatter, scatter_text, sentence, write
 from softmodels.cli.options import fail
 from softmodels.materials.laws import Material, MaterialError
@@ -75,10 +76,11 @@ class Question:
     column: Column
 
     @classmethod
-    def from_options(cls, given: Given, values: Mapping[str, object]) -> Question:
+    def from_options(cls, kind: type[Actuator], given: Given, values: Mapping[str, object]) -> Question:
         """Read it off the command's options.
 
         Args:
+            kind: The device where no file names one.
             given: Those of its own.
             values: Those of the device and the law, None where not given.
 
@@ -87,7 +89,7 @@ class Question:
         """
         file, working = given.file, given.working_cm
         case = None if file is None else Case.from_file(file)
-        device, materials = _asked(case, file, given.material, dict(values))
+        device, materials = _asked(kind, case, file, given.material, dict(values))
         for material in materials.values():
             check_rest(material)
         tolerances = [Tolerance.parse(text, type(device)) for text in given.vary]
@@ -100,25 +102,26 @@ class Question:
         return cls(around, materials, tolerances, count, given.normal, Column(around.cm, working))
 
 
-def limit(**values: object) -> None:
+def limit(kind: type[Actuator], **values: object) -> None:
     """Tell the largest pressure a device can bear, and where it is strained most there.
 
-    The device is that of a case FILE or of the options below (as a section, unless --section says otherwise); every
-    --material adds a row. With --vary the limit's scatter over fabrication tolerances is added: of any thickness or other
-    length, and of the offset of the cavity, which on a disk sits too high in a part of the same height (a thinner membrane
-    over a thicker base). A disk's core that is shifted sideways has no effect to first order, for shifts to the left and to
-    the right do the same; it is not sampled.
+    The device is that of a case FILE or of the options below (as a section, unless --section says otherwise; --device NAME
+    has those of another one); every --material adds a row. With --vary the limit's scatter over fabrication tolerances is
+    added: of any thickness or other length, and of the offset of the cavity, which on a disk sits too high in a part of the
+    same height (a thinner membrane over a thicker base). A disk's core that is shifted sideways has no effect to first
+    order, for shifts to the left and to the right do the same; it is not sampled.
 
     \b
     Examples:
       softmodels limit results/disk/case.toml
       softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-cm 20
+      softmodels limit --device Balloon --wall 1.5mm --material ecoflex-00-30
       softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
     given = taken(Given, values)
     try:
-        question = Question.from_options(given, values)
+        question = Question.from_options(kind, given, values)
     except (CaseError, GeometryError, MaterialError) as error:
         fail(str(error))
     comm = start()
@@ -229,7 +232,7 @@ def _as_asked(
 
 
 def _asked(
-    case: Case | None, file: Path | None, names: Sequence[str], values: Values
+    kind: type[Actuator], case: Case | None, file: Path | None, names: Sequence[str], values: Values
 ) -> tuple[Actuator, dict[str, Material]]:
     law = law_taken(values)
     given = any(value is not None for value in law.values())
@@ -244,20 +247,25 @@ def _asked(
         if not names and not given:
             return device, {default.name: default}
     else:
-        if values.get("section") is None:
+        variant = kind.variants[str(values.get("variant") or "default")]
+        if "section" in values and values["section"] is None and "section" not in variant:
             values["section"] = "axisymmetric"
-        device = device_told(HollowDisk, values)
+        device = device_told(kind, values)
     if len(names) > 1 and given:
         raise CaseError("parameters such as --shear-modulus belong to one --material; several are compared as they are")
     if not names:
-        made = material_from(None, law)
+        made = material_from(kind.silicone if case is None else None, law)
         return device, {made.name: made}
     return device, {name: material_from(name, law) for name in names}
 
 
-def _command() -> click.Command:
-    made = material_options(limit, several=True)
-    made = device_options(HollowDisk)(made)
+def _command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = click.Command) -> click.Command:
+    def of_kind(**values: object) -> None:
+        limit(kind, **values)
+
+    of_kind.__doc__ = limit.__doc__
+    made = material_options(of_kind, kind.silicone, several=True)
+    made = device_options(kind)(made)
     text = f"Density of the column's liquid.  [default: the case's, or {WATER_DENSITY:g}kg/m^3]"
     made = click.option("--water-density", type=QuantityType("kg/m^3"), help=text)(made)
     text = "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
@@ -272,8 +280,11 @@ def _command() -> click.Command:
     made = click.option("--working-cm", type=QuantityType(""), help="Working pressure in cm of water, for the margin.")(
         made
     )
+    if cls is not click.Command:
+        text = f"A device, with options of its own: {', '.join(ACTUATORS)}.  [default: {kind.__name__}]"
+        made = click.option(DEVICE, metavar="NAME", expose_value=False, help=text)(made)
     made = click.argument("file", required=False, type=click.Path(path_type=Path))(made)
-    return click.command(name="limit", context_settings={"help_option_names": ["-h", "--help"]})(made)
+    return click.command(name="limit", cls=cls, context_settings={"help_option_names": ["-h", "--help"]})(made)
 
 
-command = _command()
+command = _command(cls=by_device(_command))

@@ -6,59 +6,22 @@ from pathlib import Path
 
 import click
 
-from geometries import ACTUATORS
+from geometries import ACTUATORS, Actuator
 from softmodels.case.case import Case
 from softmodels.cli.case_options import taken
+from softmodels.cli.device_word import DEVICE, by_device
 from softmodels.cli.options import RunOptions, device_command, execute, run_options
 
-DEVICE = "--device"
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 
 
-class RunCommand(click.Command):
-    """The command of case files; with ``--device NAME`` it becomes that device's, which has other options."""
-
-    def make_context(
-        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
-    ) -> click.Context:
-        name = _named(args)
-        if name is None:
-            return super().make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
-        return command_of(name).make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
-
-
-def command_of(name: str) -> click.Command:
-    """The command that runs a registered device.
-
-    Args:
-        name: Of its class, in small or large letters.
-
-    Raises:
-        click.UsageError: There is no such device.
-    """
-    name = next((known for known in ACTUATORS if known.lower() == name.lower()), name)
-    if name not in ACTUATORS:
-        raise click.UsageError(f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}")
-    device = ACTUATORS[name]
+def command_of(device: type[Actuator]) -> click.Command:
+    """The command that runs a registered device."""
     words = tuple(f"--pressure-cm {device.pressures} {options}" for options in device.examples)
-    made = device_command(device, f"softmodels run {DEVICE} {name}", words)
-    option = click.Option([DEVICE], metavar="NAME", expose_value=False, help=f"The device: {', '.join(ACTUATORS)}.")
-    made.params.insert(0, option)
-    return made
+    return device_command(device, f"softmodels run {DEVICE} {device.__name__}", words)
 
 
-def _named(args: list[str]) -> str | None:
-    """The device that a command's words name, None if they name none; words after -- are PETSc's."""
-    words = args[: args.index("--")] if "--" in args else args
-    for place, word in enumerate(words, 1):
-        if word == DEVICE:
-            return "".join(words[place : place + 1])
-        if word.startswith(f"{DEVICE}="):
-            return word.removeprefix(f"{DEVICE}=")
-    return None
-
-
-@click.command("run", cls=RunCommand, context_settings=HELP_OPTIONS)
+@click.command("run", cls=by_device(command_of), context_settings=HELP_OPTIONS)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     DEVICE, metavar="NAME", expose_value=False, help="A device, with options of its own, in place of a FILE: "

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk, SeminarActuator
+from softmodels.__main__ import softmodels
 from softmodels.case.case import CaseError
+from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.results.limits import Tolerance, find_limit, samples
 
@@ -93,6 +95,8 @@ def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path, c
         (["--material", "rubber"], "rubber"),
         (["--working-cm", "0"], "above zero"),
         (["no/case.toml"], "no/case.toml"),
+        (["--device", "Balloons"], "--device is 'Balloons'; it must be one of"),
+        (["--device", "Beam"], "cavity"),
     ],
 )
 def test_bad_input_is_a_sentence_and_status_2(words, told, runs):
@@ -110,3 +114,23 @@ def test_samples_fill_the_tolerances():
     assert (slab.middle, slab.half) == pytest.approx((-1e-3, 2e-4))
     with pytest.raises(CaseError):
         Tolerance.parse("section=2mm+-1mm", HollowDisk)
+
+
+def test_any_device_by_its_options(ended):
+    """A closed balloon has the limit of a thick sphere's closed form."""
+    words = [
+        "--neck-radius",
+        "0mm",
+        "--cell-size",
+        "3mm",
+        "--wall",
+        "3mm",
+        "--shear-modulus",
+        "20kPa",
+        "--poisson",
+        "0.5",
+    ]
+    status, out, _ = ended(softmodels, "limit", "--device", "balloon", *words)
+    stretches = np.linspace(1.0, 3.0, 2001)
+    most = sphere_pressure(NeoHookean(20e3, 0.5), 0.015, 0.018, stretches).max()
+    assert status == 0 and 1e3 * float(re.search(r"\(([\d.]+) kPa\)", out)[1]) == pytest.approx(most, rel=1e-3)
