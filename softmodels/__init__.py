@@ -22,6 +22,7 @@ _PLACES = {
     "measurement.folder_lock": ("InUseError",),
     "measurement.own_folder": ("OwnFolderError",),
     "geometries": (
+        "Beam",
         "BendingBellows",
         "Cylinder",
         "HollowDisk",
@@ -39,7 +40,10 @@ _PLACES = {
     "softmodels.materials.laws": ("NeoHookean", "MooneyRivlin", "Yeoh", "Ogden", "Gent", "Material", "MaterialError"),
     "softmodels.materials.silicones": ("silicone",),
     "softmodels.mechanics.contact": ("Obstacle", "ObstacleError"),
+    "softmodels.mechanics.fabric": ("Fabric",),
+    "softmodels.mechanics.fibres": ("Fibres",),
     "softmodels.mechanics.holds": ("Clamp",),
+    "softmodels.mechanics.loads": ("Gravity", "Mass", "Force", "Moment"),
     "softmodels.mechanics.mpi": ("StartError",),
     "softmodels.mechanics.parts": ("PartError",),
     "softmodels.mechanics.rigid": ("Rigid",),
@@ -76,6 +80,7 @@ __all__ = ["__version__", *_NAMES]
 
 if TYPE_CHECKING:
     from geometries import Balloon as Balloon
+    from geometries import Beam as Beam
     from geometries import Bellows as Bellows
     from geometries import BendingBellows as BendingBellows
     from geometries import Cylinder as Cylinder
@@ -115,7 +120,13 @@ if TYPE_CHECKING:
     from softmodels.materials.silicones import silicone as silicone
     from softmodels.mechanics.contact import Obstacle as Obstacle
     from softmodels.mechanics.contact import ObstacleError as ObstacleError
+    from softmodels.mechanics.fabric import Fabric as Fabric
+    from softmodels.mechanics.fibres import Fibres as Fibres
     from softmodels.mechanics.holds import Clamp as Clamp
+    from softmodels.mechanics.loads import Force as Force
+    from softmodels.mechanics.loads import Gravity as Gravity
+    from softmodels.mechanics.loads import Mass as Mass
+    from softmodels.mechanics.loads import Moment as Moment
     from softmodels.mechanics.mpi import StartError as StartError
     from softmodels.mechanics.parts import PartError as PartError
     from softmodels.mechanics.rigid import Rigid as Rigid
