@@ -3,7 +3,8 @@
     uv run python tests/benchmarks/seminar_lift.py --output results/seminar-lift
     mpirun -n 2 .venv/bin/python tests/benchmarks/seminar_lift.py --output results/seminar-lift --resume
 
-An hour and more. The problem is tests/benchmarks/seminar_lift.toml; every design is kept in the folder as soon as it is known.
+Half an hour for each design on one core: 300,000 unknowns. The problem is tests/benchmarks/seminar_lift.toml; every design is
+kept in the folder as soon as it is known.
 """
 
 from __future__ import annotations
