@@ -108,6 +108,7 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
         return members[name]
 
     symmetric = [*(plane.name for plane in actuator.cut_planes), *(["axis"] if d == 2 else [])]
+    faces = {name for dimension, _, name in groups if dimension < d and name not in symmetric}
     found = []
     for cavity in cavity_roles(actuator):
         if cavity not in walls:
@@ -125,7 +126,6 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
                 for row in np.array([np.isin(line, nodes(name)) for name in others]).T
             )
             x, y, z = (float(value) for value in places.mean(axis=0))
-            faces = {name for dimension, _, name in groups if dimension < d and name not in symmetric}
             beside = tuple(sorted(faces & frozenset().union(*kinds)))
             found.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, beside))
     return tuple(found)

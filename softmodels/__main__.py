@@ -62,7 +62,7 @@ PLACES = {
 """The commands but for `draw` and `doctor`, which are below."""
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, places=PLACES, speaks=speaks, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="softmodels")
 def softmodels() -> None:
     """Simulate pneumatic soft actuators.
@@ -84,10 +84,6 @@ def softmodels() -> None:
     softmodels demo                     once around: simulate, photograph, measure, fit, compare
     softmodels doctor                   check the installation
     """
-
-
-assert isinstance(softmodels, LazyGroup)
-softmodels.places, softmodels.speaks = PLACES, speaks
 
 
 @softmodels.command("draw")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import click
 
@@ -29,13 +30,15 @@ class Place:
 class LazyGroup(click.Group):
     """A group whose commands are named by `Place`.
 
-    Attributes:
+    Args:
         places: By the commands' names.
         speaks: Whether this process may print, where it is stopped while a command is imported.
+        given: What click's own group takes.
     """
 
-    places: Mapping[str, Place] = {}
-    speaks: Callable[[], bool] = staticmethod(lambda: True)
+    def __init__(self, *, places: Mapping[str, Place], speaks: Callable[[], bool], **given: Any):
+        super().__init__(**given)
+        self.places, self.speaks = places, speaks
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted({*self.commands, *self.places})
