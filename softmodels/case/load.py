@@ -75,6 +75,13 @@ class Load:
         return "supply" if self.supply is None else self.supply.name
 
     @property
+    def has_pressure(self) -> bool:
+        """Whether air presses at all; it does not where weights, forces and moments alone are asked for."""
+        of_cavities = any(not series.target for series in self.program)
+        kept = self.driven is not None and self.driven.at_pressure_cm > 0.0
+        return bool(self.pressures_cm or self.volumes_ml or self.strokes_ml or of_cavities or kept)
+
+    @property
     def cm(self) -> float:
         """Pa in one cm of the column."""
         return pascal_per_cm(self.water_density)

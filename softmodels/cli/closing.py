@@ -13,11 +13,12 @@ from measurement.own_folder import OwnFolderError
 from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.results.columns import cavity_columns, loads_words, term
+from softmodels.results.columns import term
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results.row import Row
 from softmodels.results.stability_report import stability_text
+from softmodels.results.state_words import StateWords, state_words
 from softmodels.results.store import Results
 from softmodels.results.terms import split
 from softmodels.runs.gathering import branch_rows, gather, not_gathered
@@ -47,16 +48,20 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
     for note in notes if not quiet else []:
         print(f"softmodels: note: {note}", file=sys.stderr)
     if not message and not quiet:
-        row, gauge = results.rows[-1], case.actuator.gauge
+        row, words = results.rows[-1], state_words(case)
+        gauge = words.gauge
+        volume = (
+            f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_95_ml')} ml" if words.volume else ""
+        )
         print(
-            f"{_loaded(row)}: {gauge} rise {row[f'{gauge}_mm']:+.5g}{_band(row, f'{gauge}_95_mm')} mm, "
-            f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_95_ml')} ml{pressed(row)}, "
+            f"{_loaded(row, words)}: {gauge} rise {row[f'{gauge}_mm']:+.5g}{_band(row, f'{gauge}_95_mm')} mm"
+            f"{f', {volume}' if volume else ''}{pressed(row)}, "
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
             f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
         )
         if case.gauges.columns():
             print(", ".join(_gauge(name, row) for name in case.gauges.columns()))
-        if told := stability_text(results.rows, case.actuator, branch_rows(results), case.load.driver):
+        if told := stability_text(results.rows, case.actuator, words, branch_rows(results)):
             print(told)
         pictures = (
             f"; pictures (*.png), film.gif, film.webp and report.html, in {took:.1f} s" if took is not None else ""
@@ -77,12 +82,11 @@ def _band(row: Row, column: str) -> str:
     return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
 
 
-def _loaded(row: Row) -> str:
-    cavities = cavity_columns(row, "pressure", "cm")
-    more = "".join(f", {words}" for words in loads_words(row))
+def _loaded(row: Row, words: StateWords) -> str:
+    cavities, pressure = words.pressures(row), f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa)"
     if "load_step" in row and len(cavities) > 1:
-        return ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1)) + more
-    return f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa){more}"
+        pressure = ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1))
+    return words.under(row, pressure)
 
 
 def pressed(row: Row) -> str:

@@ -21,6 +21,7 @@ from softmodels.design.errors import DesignError
 from softmodels.design.problem import DesignProblem
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start
 from softmodels.results.outcomes import DONE, FAILED, NO_EQUILIBRIUM, NO_MEMORY, RunError
+from softmodels.results.state_words import StateWords
 from softmodels.runs.progress import Progress
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def _design(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm,
     from softmodels.design.optimise import run_in
 
     quiet = options["quiet"] or not is_root(comm)
-    progress = Progress(1.0, "", "", quiet)
+    progress = Progress(1.0, "", StateWords(""), quiet)
     if folder is not None:
         progress.say(f"results go to {folder.path}")
     for note in problem.notes:

@@ -34,6 +34,7 @@ from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError
 from softmodels.fitting.tables import as_json, as_text, material_toml, write_curves
 from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
 from softmodels.results.outcomes import DONE, FAILED
+from softmodels.results.state_words import StateWords
 from softmodels.runs.progress import Progress
 
 
@@ -164,7 +165,7 @@ def _report(options: FitGiven) -> FitReport:
     choices = law_choices(options["laws"], options["poisson"])
     StressError.from_text(options["stress_error"])
     how = fit_options(options, curve_changes(options, choices))
-    progress = Progress(len(choices), "laws", "", options["quiet"] or not speaks())
+    progress = Progress(len(choices), "laws", StateWords(""), options["quiet"] or not speaks())
     return fit_curves(curves, options["laws"], how, progress=progress.say)
 
 

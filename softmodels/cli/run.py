@@ -25,6 +25,7 @@ from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
 from softmodels.mechanics.parts import PartError
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_MEMORY, RunError
+from softmodels.results.state_words import state_words
 from softmodels.results.store import Results, ResultsError
 from softmodels.runs.failures import unwritten
 from softmodels.runs.folder import begin_together
@@ -82,7 +83,7 @@ def run(case: Case, folder: Path | None, **how: Unpack[How]) -> int:
     comm = start(petsc)
     abort_on_error(comm)
     results: Results | None = None
-    progress = Progress(case.values[-1], case.unit, case.actuator.gauge, quiet or not is_root(comm))
+    progress = Progress(case.values[-1], case.unit, state_words(case), quiet or not is_root(comm))
     status, message = DONE, ""
     try:
         with progress, how.get("interrupts", _nobody)() as stopped:

@@ -33,7 +33,7 @@ def shapes(pair: tuple[States, States]) -> Figure:
         axes.imshow(image)
         axes.set_axis_off()
         states = one.states
-        title = wrapped(f"{name}: {headline(states.rows[states.main], states.actuator.gauge)}", wide, 12)
+        title = wrapped(f"{name}: {headline(states.rows[states.main], states.words)}", wide, 12)
         figure.text(0.25 + 0.5 * k, 1 - 0.15 / whole, title, ha="center", va="top", fontsize=12)
     scale.bar(figure)
     return figure
@@ -50,7 +50,7 @@ def sections(pair: tuple[States, States]) -> Figure:
     figure = Figure((WIDTH, 5.6), dpi=DPI, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, states, name in zip(panels, pair, NAMES, strict=True):
-        title = f"{name}: {headline(states.rows[states.main], states.actuator.gauge)}"
+        title = f"{name}: {headline(states.rows[states.main], states.words)}"
         for points, colour in ((states.points, FAINT), (states.moved(states.main), INK)):
             flat = list(outline(points[:, ::2] * 1e3, states.cells))
             axes.add_collection(LineCollection(flat, colors=colour, linewidths=1.4))

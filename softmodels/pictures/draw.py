@@ -113,7 +113,7 @@ def _draw(states: States, folder: Path, name: str, say: Callable[[str], object])
 def _curves(states: States, out: Folder) -> None:
     actuator = states.actuator
     if states.case.program:
-        out.save(actuator.gauge, program_curves.steps(states.rows, actuator.gauge))
+        out.save(actuator.gauge, program_curves.steps(states.rows, states.words))
     else:
         over = path_curves.over_of(states.case)
         out.save(actuator.gauge, path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over))
@@ -125,9 +125,11 @@ def _curves(states: States, out: Folder) -> None:
     rest = outline_curves.profile(states.points, np.zeros_like(states.points), actuator)
     lines = {
         step: outline_curves.profile(states.points, states.field(step, "displacement"), actuator)
-        for step in outline_curves.profile_steps(states.rows, actuator.gauge)
+        for step in outline_curves.profile_steps(states.rows, states.words)
     }
-    out.save("profile", outline_curves.profiles(lines, rest, states.rows, actuator.axial, _plate(states)))
+    out.save(
+        "profile", outline_curves.profiles(lines, rest, (states.rows, states.words), actuator.axial, _plate(states))
+    )
 
 
 def _cut_profile(states: States) -> Figure:
@@ -139,10 +141,12 @@ def _cut_profile(states: States) -> Figure:
     def line(displacement: Array) -> Array:
         return cut_line(states.skin, states.points, displacement, normal, at, actuator.size)
 
-    steps = outline_curves.profile_steps(states.rows, actuator.gauge)
+    steps = outline_curves.profile_steps(states.rows, states.words)
     lines = {step: line(states.field(step, "displacement")) for step in steps}
     rest = line(np.zeros_like(states.points))
-    return outline_curves.cut_profiles(lines, rest, states.rows, axes_of(normal, actuator.lift), gauges.plane)
+    return outline_curves.cut_profiles(
+        lines, rest, (states.rows, states.words), axes_of(normal, actuator.lift), gauges.plane
+    )
 
 
 def _plate(states: States) -> float | None:
@@ -156,19 +160,19 @@ def _plate(states: States) -> float | None:
 
 def _sections(states: States, out: Folder) -> None:
     """What an axisymmetric section shows best flat."""
-    step, gauge = states.main, states.actuator.gauge
+    step, words = states.main, states.words
     points, moved, cells = states.points, states.moved(step), states.cells
     out.save("mesh", section_pictures.section_mesh(points, cells))
     values = states.field(step, "von_mises_stress")
     plate = _plate(states)
-    stress = section_pictures.section_stress(points, moved, cells, values, states.rows[step], gauge, plate)
+    stress = section_pictures.section_stress(points, moved, cells, values, states.rows[step], words, plate)
     draw_outlines(stress.axes[0], states.case)
     out.save("slice", stress)
     if (at := states.bifurcation) is not None:
         out.save(
             "mode",
             section_pictures.section_mode(
-                points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], gauge
+                points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], words
             ),
         )
     stretch, hot = states.field(step, "largest_stretch"), hot_spots.hot_spots_of(states, step)
@@ -178,7 +182,7 @@ def _sections(states: States, out: Folder) -> None:
 def _solids(shown: Look, out: Folder) -> None:
     """Rendered pictures of the solid."""
     states = shown.states
-    rows, gauge = states.rows, states.actuator.gauge
+    rows, words = states.rows, states.words
     out.save("undeformed", solid_pictures.undeformed(shown))
     if states.actuator.dimension == 3:
         out.save("mesh", solid_pictures.mesh(shown))
@@ -194,9 +198,9 @@ def _solids(shown: Look, out: Folder) -> None:
         "Largest": f"{scale.largest:.4g} {scale.unit} {scale.defined}",
     }
     for k, (step, image) in enumerate(images, 1):
-        title = headline(rows[step], gauge)
+        title = headline(rows[step], words)
         out.save(f"stress-{k}", solid_pictures.page(image, title, scale), {**texts, "Title": title})
-    out.save("stress", solid_pictures.sheet(images, rows, scale), texts)
+    out.save("stress", solid_pictures.sheet(images, rows, words, scale), texts)
     out.save("cut", solid_pictures.cut(shown))
 
 

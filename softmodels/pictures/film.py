@@ -17,9 +17,9 @@ from PIL import ImageDraw, ImageFont
 
 from softmodels.pictures.colour_scale import Scale
 from softmodels.pictures.offscreen import Image, studio
-from softmodels.pictures.style import load, number
+from softmodels.pictures.style import load
 from softmodels.pictures.viewpoint import Look
-from softmodels.results.columns import cavity_columns, load_columns, loads_words
+from softmodels.results.columns import load_columns
 from softmodels.results.row import Row
 from softmodels.results.stored import States
 from softmodels.results.writing import replace
@@ -57,16 +57,12 @@ def frames(look: Look, count: int = FRAMES) -> list[Image]:
 
 
 def _caption(states: States, position: float) -> str:
-    gauge, first = states.actuator.gauge, states.rows[0]
-    names = [f"{gauge}_mm", *(["load_step"] if "load_step" in first else []), "pressure_cm"]
+    words, first = states.words, states.rows[0]
+    rise = f"{words.gauge}_mm"
+    names = [rise, *(["load_step"] if "load_step" in first else []), *words.pressures(first), *load_columns(first)]
     steps = range(len(states.rows))
-    row = Row(
-        (name, float(np.interp(position, steps, [row[name] for row in states.rows])))
-        for name in [*names, *cavity_columns(first, "pressure", "cm"), *load_columns(first)]
-    )
-    words = "".join(f", {one}" for one in loads_words(row))
-    pressure = load(row) if "load_step" in row else f"{number(row['pressure_cm'])} cm of water{words}"
-    return f"{pressure}   {gauge} rise {row[f'{gauge}_mm']:+.2f} mm"
+    row = Row((name, float(np.interp(position, steps, [row[name] for row in states.rows]))) for name in names)
+    return f"{load(row, words, kilopascals=False)}   {words.gauge} rise {row[rise]:+.2f} mm"
 
 
 def _captioned(image: Image, text: str, scale: Scale) -> Image:

@@ -12,7 +12,6 @@ import numpy as np
 from softmodels.pictures.colour_scale import Scale
 from softmodels.pictures.offscreen import Layer, Style, surface
 from softmodels.pictures.style import load, number
-from softmodels.results.columns import loads_words
 from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array
@@ -84,12 +83,11 @@ def hot_title(limit: float) -> str:
 
 def peak_text(states: States, step: int) -> str:
     """Value and place of the largest stretch of a state, from ``path.csv``."""
-    row = states.rows[step]
-    words = "".join(f", {one}" for one in loads_words(row))
-    pressure = f"at {load(row)}" if "load_step" in row else f"at {number(row['pressure_cm'])} cm{words}"
+    row, words = states.rows[step], states.words
+    under = load(row, words) if "load_step" in row else words.under(row, f"{number(row['pressure_cm'])} cm")
     if "max_stretch" not in row:
-        return f"largest stretch at a node {states.field(step, 'largest_stretch').max():.4g} {pressure}"
-    text = f"largest stretch {row['max_stretch']:.4g} {pressure}"
+        return f"largest stretch at a node {states.field(step, 'largest_stretch').max():.4g} at {under}"
+    text = f"largest stretch {row['max_stretch']:.4g} at {under}"
     if "max_stretch_x_mm" not in row:
         return text
     place = ", ".join(f"{axis} = {row[f'max_stretch_{axis}_mm']:.2f}" for axis in "xyz")

@@ -14,6 +14,7 @@ from geometries import Actuator
 from softmodels.pictures.style import DPI, EDGE, LINES, WARNING, WIDTH, Array, number
 from softmodels.results.row import Row
 from softmodels.results.stability_report import jumped_over
+from softmodels.results.state_words import StateWords
 from softmodels.results.triangles import parabolas
 
 if TYPE_CHECKING:
@@ -43,31 +44,31 @@ def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
     return np.column_stack([radius + moved[:, :2] @ along, start[:, 2] + moved[:, 2]])[order]
 
 
-def profile_steps(rows: Sequence[Row], gauge: str) -> list[int]:
+def profile_steps(rows: Sequence[Row], words: StateWords) -> list[int]:
     """Which steps the profile shows beside the undeformed line: the requested ones, limit points and the last.
 
     If few were requested, up to eight steps stand evenly in the gauge's rise as well.
     """
-    loaded = [k for k, row in enumerate(rows) if row["pressure_Pa"] or row["added_volume_ml"]]
+    loaded = [k for k, row in enumerate(rows) if words.loaded(row)]
     if not loaded:
         return []
     shown = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
     if sum(bool(rows[k]["requested"]) for k in loaded) <= FEW:
-        risen = np.array([rows[k][f"{gauge}_mm"] for k in loaded])
+        risen = np.array([rows[k][f"{words.gauge}_mm"] for k in loaded])
         wanted = np.linspace(0.0, risen[np.abs(risen).argmax()], 9)[1:]
         shown |= {loaded[int(np.argmin(np.abs(risen - value)))] for value in wanted}
     return sorted(shown)
 
 
 def cut_profiles(
-    lines: Mapping[int, Array], rest: Array, rows: Sequence[Row], axes_of_plane: Array, plane: str
+    lines: Mapping[int, Array], rest: Array, path: tuple[Sequence[Row], StateWords], axes_of_plane: Array, plane: str
 ) -> Figure:
     """The outside where a plane cuts it at rest, seen along the plane's normal.
 
     Args:
         lines: Pieces (k, 2, 3) in m by number of the step, as `softmodels.results.cut_lines.cut_line` gives them.
         rest: The undeformed ones.
-        rows: All rows of ``path.csv``.
+        path: All rows of ``path.csv``, and what is shown of them.
         axes_of_plane: Unit vectors to the right and upwards, shape (2, 3).
         plane: The plane in words.
     """
@@ -78,7 +79,7 @@ def cut_profiles(
     figure = Figure((WIDTH, min(max(0.72 * WIDTH * tall / wide + 1.4, 3.5), WIDTH)), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
-    names = _labels(rows, _labelled(list(lines)))
+    names = _labels(*path, _labelled(list(lines)))
     drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
     drawn += [
         (line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)
@@ -92,7 +93,13 @@ def cut_profiles(
     axes.margins(0.05)
     axes.set(xlabel=f"{_direction(axes_of_plane[0])} in mm", ylabel=f"{_direction(axes_of_plane[1])} in mm")
     axes.set_title(f"Outside where the plane {plane} cuts it at rest")
-    axes.legend(title="water column", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
+    axes.legend(
+        title="water column" if path[1].pressure else "load",
+        loc="center left",
+        bbox_to_anchor=(1.01, 0.5),
+        frameon=False,
+        alignment="left",
+    )
     return figure
 
 
@@ -103,14 +110,18 @@ def _direction(axis: Array) -> str:
 
 
 def profiles(
-    lines: Mapping[int, Array], rest: Array, rows: Sequence[Row], axial: bool = True, plate: float | None = None
+    lines: Mapping[int, Array],
+    rest: Array,
+    path: tuple[Sequence[Row], StateWords],
+    axial: bool = True,
+    plate: float | None = None,
 ) -> Figure:
     """The line on the outer surface that a camera sees from the side.
 
     Args:
         lines: Outlines from `profile` by number of the step.
         rest: The undeformed outline.
-        rows: All rows of ``path.csv``.
+        path: All rows of ``path.csv``, and what is shown of them.
         axial: The device is one of revolution, whose outline goes on beyond its axis.
         plate: Height in m of a rigid plane that stops the device.
     """
@@ -123,7 +134,7 @@ def profiles(
     # The legend stands beside the axes, never on a line.
     inner = 7.1
     height = inner * tall / (right - left)
-    names = _labels(rows, _labelled(list(lines)))
+    names = _labels(*path, _labelled(list(lines)))
     whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
     figure = Figure((WIDTH, whole), dpi=DPI)
     axes = figure.add_axes((0.85 / WIDTH, (whole - height + 0.25) / 2 / whole, inner / WIDTH, height / whole))
@@ -136,43 +147,51 @@ def profiles(
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--", label="rigid plane")
     axes.set(xlabel=f"distance from the {'axis' if axial else 'clamped base'} in mm", ylabel="height in mm")
     axes.set_title("Outer surface, from the side" if axial else "Outline in the middle, from the side")
-    axes.legend(title="water column", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
+    axes.legend(
+        title="water column" if path[1].pressure else "load",
+        loc="center left",
+        bbox_to_anchor=(1.01, 0.5),
+        frameon=False,
+        alignment="left",
+    )
     return figure
 
 
-def _labels(rows: Sequence[Row], steps: Collection[int]) -> dict[int, str]:
-    """What the legend says of some steps: the pressure, and on which part of the path they lie."""
-    places = branches(rows)
+def _labels(rows: Sequence[Row], words: StateWords, steps: Collection[int]) -> dict[int, str]:
+    """What the legend says of some steps: their load, and on which part of the path they lie."""
+    places = branches(rows, words)
     return {
-        step: f"{number(rows[step]['pressure_cm'])} cm"
+        step: (
+            f"{number(rows[step]['pressure_cm'])} cm" if words.pressure else textwrap.fill(words.place(rows[step]), 19)
+        )
         + ("\n" + textwrap.fill(f"({places[step]})", 19) if places[step] else "")
         for step in steps
     }
 
 
-def branches(rows: Sequence[Row]) -> list[str]:
+def branches(rows: Sequence[Row], words: StateWords) -> list[str]:
     """On which part of the path each state lies, in words for a legend; empty on the part that begins at rest.
 
-    Where the device jumps, the way of the pressure counts too: up, and down after the highest one. A state past a limit
+    Where the device jumps, the way of the load counts too: up, and down after the highest one. A state past a limit
     point that stands under its pressure again is on another part of the path, not past the limit.
     """
-    over = set(jumped_over(rows))
+    over, (raised, moved) = set(jumped_over(rows)), words.along
     landings = [k for k, row in enumerate(rows) if row.get("jump")]
-    before = [row["added_volume_ml"] for k, row in enumerate(rows[: landings[0] if landings else 0]) if k not in over]
+    before = [row[moved] for k, row in enumerate(rows[: landings[0] if landings else 0]) if k not in over]
     largest_before = max(before, default=0.0)
-    highest = max(range(len(rows)), key=lambda k: rows[k]["pressure_Pa"])
+    highest = max(range(len(rows)), key=lambda k: rows[k][raised])
     found, passed = [], False
     for k, row in enumerate(rows):
-        words = ["up" if k <= highest else "down"] if landings and not over else []
+        part = ["up" if k <= highest else "down"] if landings and not over else []
         if k in over:
-            words.append("jumped over")
+            part.append("jumped over")
         elif row["limit"]:
-            words.append("limit point")
+            part.append("limit point")
         elif landings and k >= landings[0]:
-            words += ["after the jump"] if row["added_volume_ml"] > largest_before else []
+            part += ["after the jump"] if row[moved] > largest_before else []
         elif passed:
-            words.append("stable again" if row.get("stable_under_pressure") else "past the limit")
-        found.append(", ".join(words))
+            part.append("stable again" if row.get("stable_under_pressure") else "past the limit")
+        found.append(", ".join(part))
         passed = passed or bool(row["limit"])
     return found
 

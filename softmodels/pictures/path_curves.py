@@ -14,6 +14,7 @@ from softmodels.pictures.style import BRANCH, CURVE, DPI, WARNING, WIDTH, Array
 from softmodels.results.columns import term
 from softmodels.results.row import Row
 from softmodels.results.stability_report import jumped_over
+from softmodels.results.state_words import StateWords
 from softmodels.results.terms import split
 
 if TYPE_CHECKING:
@@ -79,27 +80,24 @@ def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
 
 def curves(
     rows: Sequence[Row],
-    gauge: str,
+    words: StateWords,
     branch: Sequence[Row] = (),
-    supply: str = "supply",
     over: tuple[str, str] = PRESSURE,
 ) -> list[Figure]:
     """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
 
-    Of weights and forces also what they move. With a supply also the pressure over its stroke, first; ``supply`` is its word,
-    the other arguments are as of `rise`. One figure each, so that a narrow page puts them below each other.
+    Of weights and forces also what they move. With a supply also the pressure over its stroke, first. ``words`` is what the run
+    shows, the other arguments are as of `rise`. One figure each, so that a narrow page puts them below each other.
     """
     wanted = [
-        (over, (f"{gauge}_mm", f"rise of the {gauge} in mm")),
-        (over, ("added_volume_ml", "added volume in ml")),
+        (over, (f"{words.gauge}_mm", f"rise of the {words.gauge} in mm")),
+        *([(over, ("added_volume_ml", "added volume in ml"))] if words.volume else []),
     ]
-    if over != PRESSURE and not any(row["added_volume_ml"] for row in rows):  # no cavity
-        wanted.pop()
     wanted += [(over, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
     loads = [name for name in rows[0] if re.fullmatch(r"(moved|turned)(_\w+)?_(mm|deg)|sag_mm", name)]
     wanted += [(over, (name, str(term(name)))) for name in loads]
     if "stroke_ml" in rows[0]:
-        wanted.insert(0, (("stroke_ml", f"stroke of the {supply} in ml"), PRESSURE))
+        wanted.insert(0, (("stroke_ml", f"stroke of the {words.driver} in ml"), PRESSURE))
     figures = []
     for (place, below), (column, label) in wanted:
         figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")

@@ -10,25 +10,25 @@ from matplotlib.figure import Figure
 
 from softmodels.pictures.path_curves import limits
 from softmodels.pictures.style import CURVE, DPI, LINES, WARNING, WIDTH
-from softmodels.results.columns import cavity_columns, load_columns, term
+from softmodels.results.columns import load_columns, term
 from softmodels.results.row import Row
+from softmodels.results.state_words import StateWords
 
 
-def steps(rows: Sequence[Row], gauge: str) -> Figure:
-    """The gauge's rise, the cavities' pressures and their added volumes over the steps, below each other.
+def steps(rows: Sequence[Row], words: StateWords) -> Figure:
+    """The gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, below each other.
 
     Args:
         rows: All rows of ``path.csv``.
-        gauge: The device's `Actuator.gauge`.
+        words: What its run shows.
     """
-    pressures = cavity_columns(rows[0], "pressure", "cm")
-    volumes = cavity_columns(rows[0], "added_volume", "ml")
     panels = [
-        ([f"{gauge}_mm"], f"{gauge} rise in mm"),
-        (pressures, "pressure in\ncm of water"),
-        (volumes, "added volume\nin ml"),
+        ([f"{words.gauge}_mm"], f"{words.gauge} rise in mm"),
+        (words.pressures(rows[0]), "pressure in\ncm of water"),
+        (words.volumes(rows[0]), "added volume\nin ml"),
         *(([name], str(term(name))) for name in load_columns(rows[0])),
     ]
+    panels = [panel for panel in panels if panel[0]]
     figure = Figure((WIDTH, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
     places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
     come = np.array([row["load_step"] for row in rows])

@@ -21,11 +21,12 @@ from softmodels.pictures.report_case import case_tables
 from softmodels.pictures.style import STYLE, load
 from softmodels.pictures.viewpoint import Look
 from softmodels.pictures.web_view import view
-from softmodels.results.columns import cavity_columns, term
+from softmodels.results.columns import term
 from softmodels.results.notes import left_out, notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM
 from softmodels.results.row import Cell, Row
 from softmodels.results.stability_report import stability_text
+from softmodels.results.state_words import StateWords
 from softmodels.results.stored import States
 from softmodels.results.writing import write_text
 
@@ -82,12 +83,9 @@ def summary(folder: Path) -> dict[str, object]:
 
 def ending(states: States, told: dict[str, object]) -> str:
     """How the run ended, in a sentence or two; ``told`` is its `summary`."""
-    row, gauge = states.rows[states.main], states.actuator.gauge
+    row, words = states.rows[states.main], states.words
     stroke = f"{row['stroke_ml']:.4g} ml of stroke and " if "stroke_ml" in row else ""
-    reached = (
-        f"At {stroke}{load(row)} the {gauge} has risen {row[f'{gauge}_mm']:.4g} mm and "
-        f"{_taker(row)} taken {row['added_volume_ml']:.4g} ml"
-    )
+    reached = f"At {stroke}{load(row, words)} the {words.gauge} has risen {row[f'{words.gauge}_mm']:.4g} mm{_taken(row, words)}"
     if "max_stretch" in row:
         reached += f"; the largest stretch is {row['max_stretch']:.4g}"
     for name in ("blocked_force_N", "contact_force_N"):
@@ -101,17 +99,19 @@ def ending(states: States, told: dict[str, object]) -> str:
     return f"{start}: {told.get('message', '')}. {reached}."
 
 
-def _taker(row: Row) -> str:
-    return "the cavities have together" if len(cavity_columns(row, "added_volume", "ml")) > 1 else "the cavity has"
+def _taken(row: Row, words: StateWords) -> str:
+    count = len(words.volumes(row))
+    taker = "the cavities have together" if count > 1 else "the cavity has"
+    return f" and {taker} taken {row['added_volume_ml']:.4g} ml" if count else ""
 
 
 def _curves(states: States) -> list[Markup]:
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
-        rows, gauge = states.rows, states.actuator.gauge
+        rows, words = states.rows, states.words
         if states.case.program:
-            return [_svg(program_curves.steps(rows, gauge))]
-        driver, over = states.case.load.driver, path_curves.over_of(states.case)
-        return [_svg(figure) for figure in path_curves.curves(rows, gauge, states.branch, driver, over)]
+            return [_svg(program_curves.steps(rows, words))]
+        over = path_curves.over_of(states.case)
+        return [_svg(figure) for figure in path_curves.curves(rows, words, states.branch, over)]
 
 
 def _svg(figure: Figure) -> Markup:
@@ -130,10 +130,10 @@ def _contact(states: States) -> str:
     pressed = [row for row in states.rows if row.get("contact_force_N", 0.0) > ROUNDING]
     if not pressed:
         return f"{text} Nothing reached it."
-    first, row = pressed[0], states.rows[states.main]
+    first, row, words = pressed[0], states.rows[states.main], states.words
     text += (
-        f" The device pressed on it from the state at {load(first)} on; at {load(row)} with {row['contact_force_N']:.4g} N, "
-        f"sunk in by {row['contact_depth_mm']:.2g} mm."
+        f" The device pressed on it from the state at {load(first, words)} on; at {load(row, words)} with "
+        f"{row['contact_force_N']:.4g} N, sunk in by {row['contact_depth_mm']:.2g} mm."
     )
     return text
 
@@ -146,7 +146,7 @@ def _lines(rows: Sequence[Row], states: States) -> list[dict[str, object]]:
             "cells": [(row.cells.get(name, ""), _shown(row.cells.get(name))) for row in rows],
         }
         for name in states.rows[0]
-        if name != "requested"
+        if name != "requested" and not states.words.hides(name)
     ]
 
 
@@ -169,13 +169,18 @@ def _source(path: Path) -> str:
     return data_uri(stream.getvalue(), "image/webp")
 
 
+def _pressure(row: Row) -> str:
+    return f"{row['pressure_cm']:.5g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
+
+
 def _notes(states: States) -> list[str]:
     """What a reader has to know before trusting a number."""
     actuator = states.actuator
-    notes = [stability_text(states.rows, actuator, states.branch, states.case.load.driver)]
+    words = states.words
+    kept = words.kept[0]
+    notes = [stability_text(states.rows, actuator, words, states.branch)]
     notes += [
-        f"limit point of the pressure at {limit['pressure_cm']:.5g} cm ({limit['pressure_Pa'] / 1e3:.4g} kPa): under "
-        "pressure alone the device jumps there"
+        f"limit point of the {kept} at {words.under(limit, _pressure(limit))}: under {kept} alone the device jumps there"
         for limit in path_curves.limits(states.rows)
     ]
     notes.append(

@@ -54,7 +54,11 @@ def _load(states: States) -> Table:
             (what, ", ".join(f"{value:g}" for value in values) + f" {unit}", "requested")
             for what, values, unit in asked
         ),
-        ("water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa"),
+        *(
+            [("water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa")]
+            if case.load.has_pressure
+            else []
+        ),
         ("control", case.control, "what the path follows"),
         ("formulation", case.formulation, "unknowns of the equations"),
     ]

@@ -14,6 +14,7 @@ from softmodels.pictures.colour_scale import COLOURS, FOOT, Scale
 from softmodels.pictures.hot_spots import HotSpots, hot_title
 from softmodels.pictures.style import CURVE, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, headline
 from softmodels.results.row import Row
+from softmodels.results.state_words import StateWords
 from softmodels.results.triangles import Cells, edge_curves, fine_triangles, outline
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def section_mesh(points: Array, cells: Cells) -> Figure:
 
 
 def section_stress(
-    points: Array, moved: Array, cells: Cells, values: Array, row: Row, gauge: str, plate: float | None = None
+    points: Array, moved: Array, cells: Cells, values: Array, row: Row, words: StateWords, plate: float | None = None
 ) -> Figure:
     """The deformed half section coloured by stress, over the outline of the undeformed one.
 
@@ -42,7 +43,7 @@ def section_stress(
         cells: Shape (c, 6).
         values: Von Mises stress in Pa, shape (n,).
         row: The state's row of ``path.csv``.
-        gauge: The device's `Actuator.gauge`.
+        words: What its run shows.
         plate: Height of a rigid plane that stops it, m.
     """
     before, after, stress = points[:, ::2] * 1e3, moved[:, ::2] * 1e3, Scale(values, rows=[row])
@@ -54,7 +55,7 @@ def section_stress(
         axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.0))
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
-    axes.set_title(headline(row, gauge) + ("" if plate is None else "; the rigid plane dashed"))
+    axes.set_title(headline(row, words) + ("" if plate is None else "; the rigid plane dashed"))
     stress.bar(figure)
     return figure
 
@@ -89,7 +90,7 @@ def section_hot(points: Array, cells: Cells, values: Array, hot: HotSpots, row: 
 
 
 def section_mode(
-    points: Array, moved: Array, mode: Array, cells: Cells, row: Row, gauge: str, amount: float = 0.15
+    points: Array, moved: Array, mode: Array, cells: Cells, row: Row, words: StateWords, amount: float = 0.15
 ) -> Figure:
     """The half section at a bifurcation and the two shapes it can go on to.
 
@@ -99,7 +100,7 @@ def section_mode(
         mode: Its mode, largest component 1, shape (n, 3).
         cells: Shape (c, 6).
         row: The state's row of ``path.csv``.
-        gauge: What the device's rise is called.
+        words: What its run shows.
         amount: Largest displacement of the mode as drawn, in widths of the undeformed section.
     """
     before, after = points[:, ::2] * 1e3, moved[:, ::2] * 1e3
@@ -108,7 +109,7 @@ def section_mode(
     figure, axes = _section(np.concatenate([before, *(shape for shape, _ in shapes)]), 0.0)
     for shown, colour in ((before, FAINT), (after, INK), *shapes):
         axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
-    axes.set_title(f"Bifurcation at {headline(row, gauge)}: the mode, either way (size at will)")
+    axes.set_title(f"Bifurcation at {headline(row, words)}: the mode, either way (size at will)")
     return figure
 
 

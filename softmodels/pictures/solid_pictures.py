@@ -15,6 +15,7 @@ from softmodels.pictures.offscreen import Camera, Image, Style, lines, ring, stu
 from softmodels.pictures.style import DPI, EDGE, FAINT, INK, SOLID, WIDTH, headline, load, number, wrapped
 from softmodels.pictures.viewpoint import Look, towards_slice
 from softmodels.results.row import Row
+from softmodels.results.state_words import StateWords
 from softmodels.results.triangles import Array, edge_curves, outer_faces
 
 AIR = "#2f6f9f"
@@ -78,7 +79,7 @@ def slice_stress(look: Look) -> Figure:
                 *look.plate_layers(),
             ]
         )
-    return page(image, headline(states.rows[step], states.actuator.gauge), scale)
+    return page(image, headline(states.rows[step], states.words), scale)
 
 
 def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
@@ -104,7 +105,7 @@ def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
                 (lines(before, edges), {"color": FAINT, "line_width": 1.5}),
             ]
         )
-    return page(image, f"Bifurcation at {headline(states.rows[step], states.actuator.gauge)}: the mode (size at will)")
+    return page(image, f"Bifurcation at {headline(states.rows[step], states.words)}: the mode (size at will)")
 
 
 def stress(look: Look) -> tuple[list[tuple[int, Image]], Camera, Scale]:
@@ -121,13 +122,13 @@ def stress(look: Look) -> tuple[list[tuple[int, Image]], Camera, Scale]:
         return [(step, shoot(look.coloured(step, scale))) for step in steps], camera, scale
 
 
-def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], scale: Scale) -> Figure:
+def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateWords, scale: Scale) -> Figure:
     """The images of `stress` side by side over one colour bar."""
     columns = COLUMNS[len(images)]
     rows_ = -(-len(images) // columns)
     wide = WIDTH / columns
     tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
-    titles = [wrapped(load(rows[step]), wide, 12) for step, _ in images]
+    titles = [wrapped(load(rows[step], words), wide, 12) for step, _ in images]
     head, foot = 0.4 + 0.2 * max(title.count("\n") for title in titles), FOOT
     whole = rows_ * (tall + head) + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
@@ -159,7 +160,7 @@ def cut(look: Look) -> Figure:
     camera = Camera.around(clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0])
     with studio(camera) as shoot:
         image = shoot(layers)
-    return page(image, headline(states.rows[step], states.actuator.gauge) + where, scale)
+    return page(image, headline(states.rows[step], states.words) + where, scale)
 
 
 def hot_spots(look: Look) -> Figure:

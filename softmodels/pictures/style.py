@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.results.columns import cavity_columns, loads_words
 from softmodels.results.row import Row
+from softmodels.results.state_words import StateWords
 
 Array = npt.NDArray[np.float64]
 
@@ -42,19 +42,24 @@ def number(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
 
 
-def load(row: Row) -> str:
-    """What a state is under, in words and units: its pressure, or where it is in a program and every cavity's pressure."""
-    more = "".join(f", {words}" for words in loads_words(row))
-    if "load_step" not in row:
-        return f"{number(row['pressure_cm'])} cm of water ({row['pressure_Pa'] / 1e3:.3g} kPa){more}"
-    step = f"step {row['load_step']:.3g}"
-    each = cavity_columns(row, "pressure", "cm")
-    return f"{step}: {' and '.join(number(row[name]) for name in each)} cm of water{more}"
+def load(row: Row, words: StateWords, kilopascals: bool = True) -> str:
+    """What a state is under, in words and units: its pressure, or where it is in a program and every cavity's pressure.
+
+    Args:
+        row: The state's row of ``path.csv``.
+        words: What its run shows.
+        kilopascals: Whether a pressure is shown in kPa too.
+    """
+    step = f"step {row['load_step']:.3g}: " if "load_step" in row else ""
+    pressure = f"{' and '.join(number(row[name]) for name in words.pressures(row))} cm of water"
+    if kilopascals and words.pressure and not step:
+        pressure += f" ({row['pressure_Pa'] / 1e3:.3g} kPa)"
+    return f"{step}{words.under(row, pressure)}"
 
 
-def headline(row: Row, gauge: str) -> str:
+def headline(row: Row, words: StateWords) -> str:
     """What a state is, in words and units."""
-    return f"{load(row)}, {gauge} rise {row[f'{gauge}_mm']:.2f} mm"
+    return f"{load(row, words)}, {words.gauge} rise {row[f'{words.gauge}_mm']:.2f} mm"
 
 
 def wrapped(text: str, width: float, size: float) -> str:

@@ -135,7 +135,7 @@ def packed(look: Look, steps: list[int]) -> tuple[Description, bytes]:
         "direction": list(camera.direction), "up": list(camera.up), "focus": list(camera.focus),
         "scale": 1.1 * camera.scale, "aspect": camera.size[0] / camera.size[1], "colours": colours.tolist(),
         "fields": [_colours(everything, outside) for everything, outside in scales.values()],
-        "steps": [{"step": step, "label": headline(states.rows[step], states.actuator.gauge)} for step in steps],
+        "steps": [{"step": step, "label": headline(states.rows[step], states.words)} for step in steps],
     }  # fmt: skip
     return meta, gzip.compress(b"".join(pieces), 6, mtime=0)
 

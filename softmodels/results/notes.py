@@ -13,6 +13,7 @@ from softmodels.materials.stability import instabilities
 from softmodels.mechanics.loads import Gravity
 from softmodels.mechanics.walls.part import Walls
 from softmodels.results.row import Row
+from softmodels.results.state_words import state_words
 
 DEEPEST = 0.01
 """Depth of a contact in sizes of the device above which the user is warned."""
@@ -76,7 +77,7 @@ def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
     if torn is not None:
         return [
-            f"at {torn['pressure_cm']:.4g} cm the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at which "
+            f"at {state_words(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at which "
             f"{name} broke when pulled ({silicone.source}): the device tears there, and no state from there on is real"
         ]
     if silicone.stretches is not None and most["max_stretch"] > silicone.stretches[1]:
@@ -110,13 +111,14 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     first = next((row for row in rows if row.get("walls_touch")), None)
     if first is None:
         return []
+    where = state_words(case).place(first)
     if pressing := [part.faces for part in case.parts if isinstance(part, Walls)]:
         return [
-            f"at {first['pressure_cm']:.4g} cm walls that face each other have met and pass through each other: [walls] names "
+            f"at {where} walls that face each other have met and pass through each other: [walls] names "
             f"{', '.join(pressing)}, and others do not press"
         ]
     return [
-        f"at {first['pressure_cm']:.4g} cm walls that face each other have met: from there on they would press on each other, "
+        f"at {where} walls that face each other have met: from there on they would press on each other, "
         "and here they pass through; see walls_touch in path.csv, leave more room between them, or name them in a "
         "[walls] table of a case file (a wall and its mirror image can be stopped at the plane between: "
         "--contact with --contact-plane)"

@@ -11,6 +11,7 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.results.row import Row
 from softmodels.results.skin import Skin, skin_of
+from softmodels.results.state_words import StateWords, state_words
 from softmodels.results.store import Results, ResultsError
 from softmodels.results.triangles import Array
 
@@ -65,6 +66,11 @@ class States:
         return self.case.actuator
 
     @functools.cached_property
+    def words(self) -> StateWords:
+        """What is shown of its states."""
+        return state_words(self.case)
+
+    @functools.cached_property
     def skin(self) -> Skin:
         """The surface of the mesh."""
         return skin_of(self.points, self.cells, self.cell_name, self.actuator)
@@ -103,17 +109,12 @@ class States:
     @functools.cached_property
     def loaded(self) -> list[int]:
         """Steps that are not at rest."""
-        return [k for k, row in enumerate(self.rows) if self._is_loaded(row)]
-
-    def _is_loaded(self, row: Row) -> bool:
-        return bool(row["pressure_Pa"] or row["added_volume_ml"] or (self.case.driven and row[self.case.column]))
+        return [k for k, row in enumerate(self.rows) if self.words.loaded(row)]
 
     @functools.cached_property
     def main(self) -> int:
         """The last requested state under load, or the last of all if there is none."""
-        asked = [
-            k for k, row in enumerate(self.rows) if row["requested"] and (row["added_volume_ml"] or self.case.driven)
-        ]
+        asked = [k for k in self.loaded if self.rows[k]["requested"]]
         return asked[-1] if asked else len(self.rows) - 1
 
     @functools.cached_property
@@ -127,14 +128,13 @@ class States:
             steps = np.array([row["load_step"] for row in self.rows])
             return steps / (steps[-1] or 1.0)
         # Of a dead load its magnitude stands for the pressure, and what it moves for the volume.
-        driven = self.case.driven.of(self.case.parts) if self.case.driven else None
-        columns = (driven.column, driven.moved_column) if driven else ("pressure_Pa", "added_volume_ml")
-        pressure = np.array([row[columns[0]] for row in self.rows])
+        raised, moved = self.words.along
+        pressure = np.array([row[raised] for row in self.rows])
         if len(pressure) == 1:
             return np.zeros(1)
         if (np.diff(pressure) > 0).all():
             return np.asarray((pressure - pressure[0]) / (pressure[-1] - pressure[0]))
-        path = np.column_stack([pressure, [row[columns[1]] for row in self.rows]])
+        path = np.column_stack([pressure, [row[moved] for row in self.rows]])
         size = np.ptp(path, axis=0)
         lengths = np.linalg.norm(np.diff(path, axis=0) / np.where(size > 0, size, 1.0), axis=1)
         along = np.concatenate([[0.0], np.cumsum(lengths)])

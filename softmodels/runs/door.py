@@ -19,6 +19,7 @@ from softmodels.mechanics.sheet import Sheet
 from softmodels.results.limits import Limit, find_limit
 from softmodels.results.outcomes import RunError
 from softmodels.results.row import Row
+from softmodels.results.state_words import state_words
 from softmodels.runs.failures import sentences
 from softmodels.runs.keeping import Place, run_of, solve_in_memory, solve_into
 from softmodels.runs.progress import Progress
@@ -119,7 +120,7 @@ def run(
     with contextlib.ExitStack() as stack:
         listener: Listener = _Each(progress) if callable(progress) else Silent()
         if progress is True:
-            bar = Progress(whole.values[-1], whole.unit, whole.actuator.gauge, not is_root(comm))
+            bar = Progress(whole.values[-1], whole.unit, state_words(whole), not is_root(comm))
             listener = stack.enter_context(bar)
         simulation = Simulation(whole, comm, listener)
         if folder is None:

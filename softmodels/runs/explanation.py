@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.path.program import LOAD_KEYS, step_text
-from softmodels.results.columns import cavity_columns, loads_words
+from softmodels.results.columns import loads_words
 from softmodels.results.lost_path import EMPTIED, FULLER, advice
 from softmodels.results.row import Row
+from softmodels.results.state_words import state_words
 from softmodels.results.terms import split
 
 if TYPE_CHECKING:
@@ -24,8 +25,9 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     """Why the path ended, where, and what can be done about it; ``petsc`` is whether PETSc had options of its own."""
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
+    pressure = f"{last.pressure / case.cm:.4g} cm ({last.pressure:.4g} Pa)"
     where = (
-        f"The last state is at {last.pressure / case.cm:.4g} cm ({last.pressure:.4g} Pa), {device.gauge} rise "
+        f"The last state is at {state_words(case).under(Row(last.device), pressure)}, {device.gauge} rise "
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
     )
     if end.emptied:
@@ -66,13 +68,14 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     """The same of a program's step."""
     number = math.floor(come) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
-    pressures, volumes = cavity_columns(at, "pressure", "cm"), cavity_columns(at, "added_volume", "ml")
+    words = state_words(case)
+    pressures, volumes = words.pressures(at), words.volumes(at) if words.pressure else []
     names = [f"cavity{i} at " for i in range(1, len(pressures) + 1)] if len(pressures) > 1 else [""]
     cavities = [
         f"{name}{at[pressure]:.4g} cm with {at[volume]:.4g} ml added"
         for name, pressure, volume in zip(names, pressures, volumes, strict=True)
     ]
-    place = ", ".join([*(cavities if case.actuator.ratios else []), *loads_words(at)])
+    place = ", ".join([*cavities, *loads_words(at)])
     asked = f"step {number} of the program ({step_text(case.program, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"

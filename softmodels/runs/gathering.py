@@ -9,6 +9,7 @@ from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.results.row import Row
 from softmodels.results.stability_report import events, stability_text
+from softmodels.results.state_words import state_words
 from softmodels.results.store import Results
 from softmodels.results.writing import write_text
 
@@ -20,10 +21,11 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
         OSError: There is no room; the steps stay where they are.
     """
     results.finish()
+    words = state_words(case)
     text = {
         "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1].cells,
-        "events": events(results.rows, case.actuator.gauge), "stretch_at_break": stretch_at_break(case.material),
-        "notes": list(notes), "stability": stability_text(results.rows, case.actuator, branch_rows(results), case.load.driver),
+        "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
+        "notes": list(notes), "stability": stability_text(results.rows, case.actuator, words, branch_rows(results)),
     }  # fmt: skip
     results.own.claim(["summary.json"])
     write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")

@@ -7,8 +7,8 @@ import time
 from typing import TYPE_CHECKING
 
 from measurement.wording import spoken
-from softmodels.results.columns import loads_words
 from softmodels.results.row import Row
+from softmodels.results.state_words import StateWords
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,12 +21,12 @@ class Progress:
     Args:
         last: Last requested value.
         unit: Its unit, ``"cm"`` or ``"ml"``.
-        gauge: The probe whose rise is told.
+        words: What is shown of a state.
         quiet: Say nothing.
     """
 
-    def __init__(self, last: float, unit: str, gauge: str, quiet: bool):
-        self.last, self.unit, self.gauge, self.quiet = last, unit, gauge, quiet
+    def __init__(self, last: float, unit: str, words: StateWords, quiet: bool):
+        self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
         self.started = time.monotonic()
         self._console: Console | None = None
         self._bar: Bar | None = None
@@ -78,11 +78,11 @@ class Progress:
 
     def step(self, row: Row, value: float) -> None:
         """One step done: its row of the table, and how far it is towards the last requested value."""
-        loads = "".join(f"{words}  " for words in loads_words(row))
+        gauge = self.words.gauge
+        volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
         text = (
-            f"step {row['step']:3d}  {row['pressure_cm']:8.3f} cm  {loads}"
-            f"{self.gauge} rise {row[f'{self.gauge}_mm']:+8.3f} mm  "
-            f"{row['added_volume_ml']:+8.3f} ml  {row['newton_iterations']:2d} iterations"
+            f"step {row['step']:3d}  {self.words.under(row, f'{row["pressure_cm"]:8.3f} cm')}  "
+            f"{gauge} rise {row[f'{gauge}_mm']:+8.3f} mm  {volume}{row['newton_iterations']:2d} iterations"
         )
         if self._bar is not None:
             self._bar.update(self._task, completed=max(0.0, min(value, self.last)), description=text)

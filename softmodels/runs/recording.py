@@ -13,6 +13,7 @@ from softmodels.results.outcomes import DONE
 from softmodels.results.resume import last_stop, stopped_at, stored_points
 from softmodels.results.row import Row
 from softmodels.results.stability_report import unlocated, unseen
+from softmodels.results.state_words import state_words
 from softmodels.results.store import BRANCH, Results, write_text
 from softmodels.runs.folder import mesh_is_known
 from softmodels.runs.gathering import gather
@@ -119,7 +120,7 @@ def no_branch(case: Case, rows: Sequence[Row]) -> str:
     """Why a run has no branch to follow."""
     if any(row.get("bifurcation") for row in rows):
         return "the bifurcation was met before the run was gone on with; run it without --resume to follow the branch"
-    if text := unlocated(rows):
+    if text := unlocated(rows, state_words(case)):
         return text
     hidden = unseen(case.actuator)
     return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"

@@ -19,6 +19,7 @@ from softmodels.mechanics.mpi import on_root
 from softmodels.results.limits import Limit
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.results.state_words import state_words
 from softmodels.results.store import Results
 from softmodels.runs.between import solve_between
 from softmodels.runs.folder import begin
@@ -71,10 +72,10 @@ class Run:
         self._solved: dict[tuple[str, float], SolvedState] = {}
 
     def __repr__(self) -> str:
-        last = self.rows[-1]
+        last = state_words(self.case).under(self.rows[-1], f"{self.rows[-1]['pressure_Pa']:.5g} Pa")
         states = "1 state" if len(self) == 1 else f"{len(self)} states"
         ended = "" if self.limit is None else f", ended at a {self.limit.kind}" if self.limit.found else ", lost"
-        return f"<Run of {self.case.name}: {states} to {last['pressure_Pa']:.5g} Pa{ended}>"
+        return f"<Run of {self.case.name}: {states} to {last}{ended}>"
 
     # -- the path as arrays -------------------------------------------------------------------------------------------
 
@@ -215,12 +216,12 @@ class Run:
         from softmodels.pictures import path_curves, program_curves
         from softmodels.pictures.style import STYLE
 
-        gauge = self.case.actuator.gauge
+        words = state_words(self.case)
         with matplotlib.rc_context(STYLE):
             figure = (
-                program_curves.steps(self.rows, gauge)
+                program_curves.steps(self.rows, words)
                 if self.case.program
-                else path_curves.rise(self.rows, gauge, self.case.cm, (), path_curves.over_of(self.case))
+                else path_curves.rise(self.rows, words.gauge, self.case.cm, (), path_curves.over_of(self.case))
             )
 
         def png() -> bytes:

@@ -9,7 +9,9 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from softmodels.results.stability_report import stability_text, unlocated, unseen
+from softmodels.results.state_words import StateWords
 
+WORDS = StateWords("tip")
 TWIN = (
     "--variant", "shadow", "--base", "2mm", "--wall", "15mm", "--cell-size", "3mm",
     "--material", "yeoh", "--c1", "10kPa", "--c2", "20Pa", "--c3", "3Pa", "--poisson", "0.495",
@@ -82,12 +84,16 @@ def test_a_bifurcation_that_was_passed_unlocated_is_told():
     keys = ("pressure_cm", "limit", "stable_under_pressure", "stable_under_volume", "negative_eigenvalues")
     table = ((30.0, 0, 1, 1, 0), (34.2, 1, 1, 1, 0), (34.0, 0, 0, 1, 1), (33.0, 0, 0, 0, 2))
     rows = [dict(zip(keys, values, strict=True)) for values in table]
-    assert unlocated(rows[:3]) == "" and unlocated([*rows[:3], {**rows[2], "bifurcation": 1}, rows[3]]) == ""
-    assert "between 34 and 33 cm could not be located" in stability_text(rows, SeminarActuator(part="full"))
+    assert (
+        unlocated(rows[:3], WORDS) == "" and unlocated([*rows[:3], {**rows[2], "bifurcation": 1}, rows[3]], WORDS) == ""
+    )
+    assert "between 34 and 33 cm could not be located" in stability_text(rows, SeminarActuator(part="full"), WORDS)
 
 
 def test_a_syringe_that_cannot_hold_a_state_is_told():
     row = {"negative_eigenvalues": 1, "stable_under_pressure": 0, "stable_under_volume": 1, "pressure_cm": 33.0,
            "stroke_ml": 12.0, "stable_under_supply": 0}  # fmt: skip
-    text = stability_text([{**row, "stable_under_supply": 1, "stroke_ml": 11.0}, row], SeminarActuator(part="full"))
+    text = stability_text(
+        [{**row, "stable_under_supply": 1, "stroke_ml": 11.0}, row], SeminarActuator(part="full"), WORDS
+    )
     assert "at 12 ml of stroke (33 cm)" in text and "jumps over 1 of the states" in text

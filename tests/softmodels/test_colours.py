@@ -17,6 +17,7 @@ from softmodels.pictures.cut_open import cut_open
 from softmodels.pictures.style import load
 from softmodels.pictures.viewpoint import look
 from softmodels.results.skin import CUT
+from softmodels.results.state_words import StateWords
 from softmodels.results.stored import States
 
 
@@ -106,13 +107,13 @@ def test_titles_of_three_cavities_stay_within_their_pictures():
         "max_stretch": 2.345,
     }
     row |= {f"max_stretch_{axis}_mm": -10.21 for axis in "xyz"}
-    states = SimpleNamespace(rows=[row, row, row])
+    states = SimpleNamespace(rows=[row, row, row], words=StateWords("apex"))
     note = hot_spots.peak_text(states, 0)
     image = np.zeros((400, 533, 3), dtype=np.uint8)
     scale = SimpleNamespace(bar=lambda figure: None)
-    sheet = solid_pictures.sheet([(step, image) for step in range(3)], states.rows, scale)
+    sheet = solid_pictures.sheet([(step, image) for step in range(3)], states.rows, states.words, scale)
     for figure, columns in (
-        (page(image, f"{load(row)} at the bifurcation, the mode; {note}", None, note), 1),
+        (page(image, f"{load(row, states.words)} at the bifurcation, the mode; {note}", None, note), 1),
         (sheet, 3),
     ):
         figure.draw_without_rendering()

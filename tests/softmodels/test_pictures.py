@@ -23,6 +23,7 @@ from softmodels.pictures.cut_open import cut_open
 from softmodels.pictures.viewpoint import look
 from softmodels.results import triangles
 from softmodels.results.skin import CUT
+from softmodels.results.state_words import StateWords
 from softmodels.results.store import Results, ResultsError
 from softmodels.results.stored import States
 
@@ -153,11 +154,11 @@ def rows(pressures: list[float], requested: set[float], limit: float | None = No
 
 def test_which_steps_the_profile_shows():
     pressures = [float(p) for p in range(0, 170, 10)]
-    many = outline_curves.profile_steps(rows(pressures, {0.0, 30.0, 60.0, 90.0}), "apex")
+    many = outline_curves.profile_steps(rows(pressures, {0.0, 30.0, 60.0, 90.0}), StateWords("apex"))
     assert many == [3, 6, 9, 16]  # the requested ones under load, and the last
-    few = outline_curves.profile_steps(rows(pressures, {0.0, 160.0}), "apex")
+    few = outline_curves.profile_steps(rows(pressures, {0.0, 160.0}), StateWords("apex"))
     assert few == [2, 4, 6, 8, 10, 12, 14, 16]
-    assert outline_curves.profile_steps(rows([0.0], {0.0}), "apex") == []
+    assert outline_curves.profile_steps(rows([0.0], {0.0}), StateWords("apex")) == []
 
 
 def test_limit_points_are_marked_with_their_value():
@@ -196,13 +197,13 @@ def test_a_syringe_has_its_pressure_over_the_stroke():
         dict(zip(keys, row, strict=True), limit=0)
         for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
     ]
-    first, *others = (figure.axes[0] for figure in path_curves.curves(path, "apex", (), "bottle"))
+    first, *others = (figure.axes[0] for figure in path_curves.curves(path, StateWords("apex", driver="bottle")))
     assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the bottle in ml", "pressure in cm of water")
     (asked,) = [line for line in first.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[0, 0], [20, 47]]
     assert [axes.get_xlabel() for axes in others] == ["pressure in cm of water"] * 2
     direct = [{key: value for key, value in row.items() if key != "stroke_ml"} for row in path]
-    assert len(path_curves.curves(direct, "apex")) == 2
+    assert len(path_curves.curves(direct, StateWords("apex"))) == 2
 
 
 def test_every_entry_of_a_syringe_is_explained():
@@ -258,7 +259,7 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
         figure = solid_pictures.mode(look(states), step)
     else:
         figure = section_pictures.section_mode(
-            states.points, states.moved(step), states.field(step, "mode"), states.cells, states.rows[step], "apex"
+            states.points, states.moved(step), states.field(step, "mode"), states.cells, states.rows[step], states.words
         )
     canvas = FigureCanvasAgg(figure)
     canvas.draw()

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from softmodels.case.case import Case
+from softmodels.results.state_words import StateWords
 from softmodels.runs.progress import Progress
 
 COLUMNS = (
@@ -189,7 +190,7 @@ def test_a_terminal_shows_a_bar(monkeypatch, capsys):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     row = {"step": 3, "pressure_cm": 88.5, "apex_mm": 2.0, "added_volume_ml": 1.0, "newton_iterations": 2}
-    with Progress(177.0, "cm", "apex", quiet=False) as progress:
+    with Progress(177.0, "cm", StateWords("apex"), quiet=False) as progress:
         progress.step(row, 88.5)
         bar = progress._bar.tasks[0]
         assert bar.completed == 88.5 and bar.total == 177.0 and "step   3" in bar.description
