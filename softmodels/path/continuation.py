@@ -1,8 +1,7 @@
 """Following a device along its load path: `trace` yields one `Point` after another.
 
-Steps are predicted from the last two states and their tangents (a cubic), corrected by Newton's method, halved on failure
-with nothing lost (states are values), and lengthened where Newton is quick. Requested values are hit exactly. A requested
-value that the current control's line cannot meet directly is bracketed by two states and solved for in between.
+Steps are predicted from the last two states and their tangents (a cubic), corrected by Newton's method, halved on failure,
+and lengthened where Newton is quick. A requested value that the control's line cannot meet is solved for between two states.
 """
 
 from __future__ import annotations
@@ -17,12 +16,13 @@ from softmodels.mechanics.controls import Control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.corrector import Corrector, Emptied
+from softmodels.path.corrector import Corrector
 from softmodels.path.critical_points import events
 from softmodels.path.modes import Mode
 from softmodels.path.passed_limits import PassedLimits
 from softmodels.path.points import PathEnd, Point
 from softmodels.path.quantities import AddedVolume, ArcLength, Followed, Plane, Pressure, Quantity
+from softmodels.path.snapping import cause_of, check_yields
 from softmodels.path.trail import Trail
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
@@ -71,18 +71,18 @@ class Continuation:
         start = rest if self.start is None else self.start
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
-        self.V0, self.plane = start.V, Plane(V_scale, V_scale / abs(tangent.compliance))
+        self.V0, self.plane = start.V, Plane.of(V_scale, tangent.compliance)
         self.requested = self.requested.from_volume(self.V0)
         known = (Pressure(), AddedVolume(self.V0), ArcLength(self.plane), self.requested)
         self._known: dict[str, Followed] = {followed.name: followed for followed in known}
         self.trail = Trail(solver)
         self.trail.line = self.requested.name if self.control == "auto" else self.control
         self.corrector = Corrector(solver, self.trail, self.plane)
-        if not self.requested.starts_forward(tangent):  # it starts where the device is unstable
+        if not self.requested.starts_forward(start, tangent):  # it starts where the device is unstable
             tangent = -tangent
         self.trail.stability.start()
         signature = self.trail.stability.signature(exact=True)
-        step, stiffest = self.first_step, abs(tangent.compliance)
+        step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
         return self.keep(
             Point(start, tangent, False, False, step, self.trail.line, True, solver.kept.age, stiffest, signature)
         )
@@ -154,7 +154,7 @@ class Continuation:
                     step, direct = self.last.step, False
                 elif step < shortest:
                     why = f"no step succeeded, down to a thousandth of the first one ({failure})"
-                    raise PathEnd(why, emptied=isinstance(failure, Emptied)) from failure
+                    raise PathEnd(why, cause=cause_of(self.corrector, self.requested, failure)) from failure
 
     def _stepped(self, share: float, goal: float | None, step: float) -> Point:
         """The point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
@@ -237,6 +237,7 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
         first = path.begin()
         requested = bool(left) and left[0] == 0.0
         yield dataclasses.replace(first, requested=requested)
+        check_yields(first, path.plane, path.requested, path.followed)
         left = left[1:] if requested else left
     passed = PassedLimits.among(start, path.requested)
     while left:

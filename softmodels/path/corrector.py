@@ -95,7 +95,7 @@ class Corrector:
             stale = True
             solver.factorise(state)
         step = last.step if step is None else step
-        stiffest = min(last.stiffest, abs(tangent.compliance))
+        stiffest = min(last.stiffest, self.plane.felt(tangent.compliance))
         if limit:
             signature = Signature(negative, self.stability.critical_lowest(state, negative))
         else:

@@ -34,7 +34,7 @@ class PassedLimits:
     def ended(self, end: PathEnd, requested: Quantity) -> PathEnd:
         """The end of a path, with the limit point that the requested quantity has met."""
         limit = requested.limit_met(self.limit, self.turn)
-        return PathEnd(str(end), limit, end.emptied and limit is None)
+        return PathEnd(str(end), limit, end.cause if limit is None else None)
 
 
 def _value(requested: Quantity, point: Point) -> float:

@@ -12,6 +12,7 @@ from softmodels.mechanics.controls import Control, Curve, volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Tangent
 from softmodels.mechanics.system import State
+from softmodels.path.ends import Cause
 from softmodels.path.stability import Signature
 
 Array = npt.NDArray[np.float64]
@@ -88,17 +89,17 @@ class PathEnd(Exception):
     Args:
         why: A clause.
         limit: The limit point met, or None.
-        emptied: Whether the loads press a cavity empty, which is an end of the device's own.
+        cause: What happens there, where that is an end of the device's own and no limit point of what drives it.
     """
 
-    def __init__(self, why: str, limit: Point | None = None, emptied: bool = False):
+    def __init__(self, why: str, limit: Point | None = None, cause: Cause | None = None):
         super().__init__(why)
-        self.limit, self.emptied = limit, emptied
+        self.limit, self.cause = limit, cause
 
     @property
     def physical(self) -> bool:
         """Whether the device has no state of rest beyond it, and it is not the method that has lost it."""
-        return self.limit is not None or self.emptied
+        return self.limit is not None or self.cause is not None
 
 
 def predict(points: Sequence[Point], line: Curve) -> tuple[Array, float]:

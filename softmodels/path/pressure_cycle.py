@@ -62,7 +62,7 @@ def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
         limit = next((point for point in points if point.limit), None)
         if len(parts) > 1 or limit is None:
             why = f"past the jumps so far, {lost}" if len(parts) > 1 else str(lost)
-            raise PathEnd(why, emptied=lost is not None and lost.emptied)
+            raise PathEnd(why, cause=None if lost is None else lost.cause)
         raise PathEnd("the pressure has a limit point, and no stable state was found at that pressure beyond it", limit)
     yield from _along(path, parts, here, [*goals[::-1], *([0.0] if goals[0] > 0 else [])], -1)
 

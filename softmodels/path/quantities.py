@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 FIRST_STEP = 0.1
 """Of a path, in the device's own scales of volume and pressure."""
+LOCKED_BELOW = 1e-12
+"""dV/dP, in volumes per shear modulus, up to which nothing moves: the stiffest parts leave 1e-8, rounding makes 1e-18."""
 LARGEST_VOLUME_STEP = 0.2
 """First step in volume where a path changes to it, in cavity volumes."""
 
@@ -31,6 +33,15 @@ class Plane:
 
     V_scale: float
     P_scale: float
+
+    @classmethod
+    def of(cls, V_scale: float, compliance: float) -> Plane:
+        """Scaled by how far the device gives way, dV/dP."""
+        return cls(V_scale, V_scale / max(abs(compliance), LOCKED_BELOW * V_scale))
+
+    def felt(self, compliance: float) -> float:
+        """The size of a dV/dP, but not less than that of a device in which nothing moves: below lies rounding."""
+        return max(abs(compliance), LOCKED_BELOW * self.V_scale)
 
     def stiffened(self, compliance: float) -> Plane:
         """The plane of a device as it is at its stiffest: of a flat membrane the scale of its rest says nothing any more.
@@ -100,9 +111,9 @@ class Quantity(abc.ABC):
         """The same for a path that begins at this volume."""
         return self
 
-    def starts_forward(self, tangent: Tangent) -> bool:
-        """Whether a tangent at a path's first state leads away from it."""
-        return not tangent.V < 0.0
+    def starts_forward(self, state: State, tangent: Tangent) -> bool:
+        """Whether a tangent at a path's first state leads to higher values."""
+        return not self.rate(state, tangent) < 0.0
 
     def exactly(self, state: State, value: float) -> State:
         """A state that was solved for at a value, with that value to the last digit where it is a number of the state."""
@@ -146,9 +157,6 @@ class Pressure(Quantity):
 
     def curve(self, value: float) -> Control:
         return pressure_control(value)
-
-    def starts_forward(self, tangent: Tangent) -> bool:
-        return not tangent.P < 0.0
 
     def exactly(self, state: State, value: float) -> State:
         return dataclasses.replace(state, P=value)

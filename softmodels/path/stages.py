@@ -35,7 +35,7 @@ class HangingEnd(PathEnd):
     """
 
     def __init__(self, end: PathEnd, what: str, share: float):
-        super().__init__(str(end), end.limit, end.emptied)
+        super().__init__(str(end), end.limit, end.cause)
         self.what, self.share = what, share
 
 

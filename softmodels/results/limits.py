@@ -47,14 +47,15 @@ class Limit:
     """How far a design can be inflated; SI units.
 
     Attributes:
-        kind: ``"limit"`` (the pressure has a maximum), ``"bifurcation"`` (it leaves its shape before that), ``"none"`` (the
-            stretch of `LARGEST_STRETCH` came first), or ``"lost"`` (the path could not be followed so far).
+        kind: ``"limit"`` (the pressure has a maximum, or the device another end, see ``why``), ``"bifurcation"`` (it leaves its
+            shape before that), ``"none"`` (the stretch of `LARGEST_STRETCH` came first), or ``"lost"`` (the path could not be
+            followed so far).
         pressure: Pressure in Pa there; for ``"none"`` at that stretch, for ``"lost"`` the last one known to be stable.
         added_volume: Volume in m3 taken by then.
         rises: Rise of the probes in m.
         stretch: Largest principal stretch.
         place: Undeformed device coordinates in m of the integration point with the largest stretch.
-        why: What ended a lost path, else empty.
+        why: What ended a lost path, or a limit that is no maximum of the pressure alone; else empty.
     """
 
     kind: str
@@ -138,6 +139,8 @@ def _search(solver: Solver, fields: Fields) -> Limit:
                 break
     except (PathEnd, NoConvergence) as end:
         kind, why = "lost", str(end)
+        if isinstance(end, PathEnd) and end.cause:
+            kind, why = "limit", end.cause.clause
     assert last is not None  # the state at rest is always there
     figures = fields.figures(last.state)
     return Limit(

@@ -13,11 +13,6 @@ NEAR = 0.95
 """Share of the stretch where a law loses its stability, or its chains are taut, from which that is what ended the path."""
 FOLDED = 0.3
 """Volume ratio at a vertex below which cells have all but folded."""
-EMPTIED = "a cavity is pressed empty, so that its walls would pass through each other,"
-FULLER = (
-    "Take less of the load, a stiffer silicone or thicker walls, or let the cavity's walls rest on each other ([walls] with "
-    "faces = 'cavity')"
-)
 
 
 def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> list[str]:

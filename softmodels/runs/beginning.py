@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from softmodels.case.case import Case
 from softmodels.path.quantities import DeadForce, Pressure, Travel
-from softmodels.results.lost_path import EMPTIED, FULLER
 from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, RunError
 
 if TYPE_CHECKING:
@@ -108,10 +107,10 @@ def _explained(end: HangingEnd) -> str:
             f"the device does not bear {end.what}, which act before anything is requested: they have a limit point at "
             f"{end.share:.3g} of themselves or a little below; take less of them, a stiffer silicone or thicker walls"
         )
-    if end.emptied:
+    if end.cause:
         return (
-            f"the device does not bear {end.what}, which act before anything is requested: {EMPTIED} at {end.share:.3g} of "
-            f"them. {FULLER}"
+            f"the device does not bear {end.what}, which act before anything is requested: at {end.share:.3g} of them "
+            f"{end.cause.clause}. {end.cause.advice}"
         )
     return (
         f"{end.what[0].upper()}{end.what[1:]} could be applied to {end.share:.3g} of themselves alone ({end}); take less of "

@@ -10,7 +10,7 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.path.program import LOAD_KEYS, step_text
 from softmodels.results.columns import loads_words
-from softmodels.results.lost_path import EMPTIED, FULLER, advice
+from softmodels.results.lost_path import advice
 from softmodels.results.row import Row
 from softmodels.results.state_words import state_words
 from softmodels.results.terms import split
@@ -30,8 +30,8 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         f"The last state is at {state_words(case).under(Row(last.device), pressure)}, {device.gauge} rise "
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
     )
-    if end.emptied:
-        return f"no equilibrium at {asked} on this path: with its loads {EMPTIED} on the way. {where}{FULLER}"
+    if end.cause:
+        return f"no equilibrium at {asked} on this path: {end.cause.clause}. {where}{end.cause.advice}"
     if end.limit is None:
         return f"{asked} was not reached: {end}. {where}" + advice(
             case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc
@@ -79,10 +79,10 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     asked = f"step {number} of the program ({step_text(case.program, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
-    if end.emptied:
+    if end.cause:
         return (
-            f"no equilibrium at {asked} on this path: with its loads {EMPTIED} on the way. The last "
-            f"state has {place}, and {moved}. {FULLER}"
+            f"no equilibrium at {asked} on this path: {end.cause.clause}. The last state has {place}, and {moved}. "
+            f"{end.cause.advice}"
         )
     if end.limit is None:
         return f"{asked} was not reached: {end}. The last state has {place}, and {moved}. {advice(case, at, petsc)}"

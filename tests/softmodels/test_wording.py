@@ -126,7 +126,7 @@ def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending)
     figures = types.SimpleNamespace(rises={"apex": 0.01}, pressure=3e3, added_volume=1e-5, max_stretch=1.5, device={})
     fields = types.SimpleNamespace(figures=lambda state: figures, system=types.SimpleNamespace(volume_unit=1e-5))
     path = types.SimpleNamespace(last=types.SimpleNamespace(state=None), value=lambda state: 1.0)
-    end = types.SimpleNamespace(limit=types.SimpleNamespace(state=None), emptied=False)
+    end = types.SimpleNamespace(limit=types.SimpleNamespace(state=None), cause=None)
     text = explain(case, end, fields, path)
     assert f"beyond it {gas} expands by itself" in text and text.endswith(ending)
 

@@ -1,0 +1,44 @@
+"""Ends of a path that are the device's own are named as such: it is held so that nothing moves, or a part of it snaps."""
+
+import pytest
+
+import softmodels as sm
+from softmodels.results.outcomes import NO_EQUILIBRIUM
+
+TUBE = sm.Cylinder(section="axisymmetric", cell_size=2e-3)
+HELD = (sm.Rigid(region="cap", kind="held", name="plate"), sm.Clamp("outer", slip="z", name="grip"))
+INCOMPRESSIBLE = sm.NeoHookean(30e3, 0.5)
+
+
+def test_a_cavity_that_cannot_change_takes_no_volume():
+    with pytest.raises(
+        sm.RunError, match=r"no equilibrium at 1 ml .* what is held leaves the device no way to give"
+    ) as told:
+        sm.inflate(TUBE, INCOMPRESSIBLE, volumes="1 ml", parts=HELD)
+    assert told.value.status == NO_EQUILIBRIUM
+
+
+@pytest.mark.parametrize("control", ["auto", "pressure", "arc-length"])
+def test_and_any_pressure(control):
+    run = sm.inflate(TUBE, INCOMPRESSIBLE, pressures="50 cm", parts=HELD, control=control)
+    assert run.limit is None and run.pressure[-1] == pytest.approx(50 * run.case.cm)
+    assert abs(run.added_volume[-1]) < 1e-15 and run.largest_stretch[-1] == pytest.approx(1.0)
+
+
+def test_and_its_syringe_compresses_the_gas_alone():
+    syringe = sm.Syringe(3e-6, dead_volume=1e-6)
+    run = sm.inflate(TUBE, INCOMPRESSIBLE, strokes="1 ml", supply=syringe, parts=HELD)
+    gas = syringe.dead_volume + syringe.syringe + TUBE.cavity_volume  # within a percent that of the mesh
+    assert abs(run.added_volume[-1]) < 1e-15
+    assert run.pressure[-1] == pytest.approx(syringe.ambient * 1e-6 / (gas - 1e-6), rel=0.02)
+
+
+def test_a_part_that_snaps_while_the_volume_is_given_is_named():
+    """The edge of a bellows' cap is pushed over on the plane that stops it: pressure and volume turn back both at once."""
+    device = sm.Bellows(
+        convolutions=1, inner_radius=6.276e-3, outer_radius=10.77e-3, wall=0.95e-3, pitch=5.261e-3, rounding=0.845e-3,
+        cap=2.73e-3, tip="free", cell_size=1e-3, through=1.0,
+    )  # fmt: skip
+    run = sm.inflate(device, sm.Gent(17.95e3, 57.0, 0.5), volumes="12 ml", obstacle=sm.Obstacle("tip", "z = 14.126 mm"))
+    assert run.limit.kind == "limit" and "the device snaps" in run.limit.why and run.added_volume[-1] < 6e-6
+    assert run._ended.status == NO_EQUILIBRIUM and run.path["stable_under_volume"][-1] == 1
