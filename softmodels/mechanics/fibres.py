@@ -17,6 +17,7 @@ q = x^3 / (6 e) up to x = 2 e, x^2 - 2 e x + 4 e^2 / 3 beyond, whose second deri
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
@@ -26,7 +27,9 @@ from geometries import Actuator
 from geometries.fields import angle_field, choice_field, field_of, list_field, number_field
 from geometries.kinds import Flag, Quantity, Words
 from softmodels.materials.strain import Expression
+from softmodels.mechanics.causes import Cause
 from softmodels.mechanics.directions import Helix, check_axis, check_helix
+from softmodels.mechanics.kinking import kinked, worst_kink
 from softmodels.mechanics.named_places import check_faces, check_regions, names_in
 from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
 from softmodels.mechanics.sheet import locking
@@ -226,6 +229,20 @@ class FibreTerm(StrainTerm):
             tension = sum(2 * self.stress(x)[0][i] * stretch for i, stretch in enumerate(stretches))
             integrands = (one, sum(stretches), tension)
             self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
+
+    def breakdown(self, equations: Equations) -> Cause | None:
+        """Kinks of fibres that are compressed in the silicone; see `softmodels.mechanics.ellipticity`."""
+        if self.in_face or self._part.slack:
+            return None
+        body, u, found = self.setting.body, self.setting.displacement, []
+        for place, matter in itertools.product(self.where, equations.matter):
+            cells = np.intersect1d(matter.cells, body.regions[place.name]) if place.name else matter.cells
+            hands = (1.0, -1.0)[: self._part.helices]
+            lines, x = [self._helix.field(body, None, hand) for hand in hands], self._strains(u, place)
+            reinforced = (body.deformation_gradient(u), lines, x, self.stress(x))
+            found.append(worst_kink(equations, cells.astype(np.int32), matter.material, *reinforced))
+        worst = min((kink for kink in found if kink is not None), default=None)
+        return None if worst is None or worst[0] >= 0.0 else kinked(self._part.where, worst)
 
     def figures(self, equations: Equations) -> dict[str, float]:
         integrals = [[equations.integral(form) for form in forms] for forms in self._means]

@@ -22,7 +22,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from geometries import Actuator, codec
@@ -39,7 +39,9 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from ufl.core.expr import Expr
 
+    from softmodels.materials.material import Material
     from softmodels.mechanics.body import Body
+    from softmodels.mechanics.causes import Cause
 
     Array = npt.NDArray[np.float64]
 
@@ -181,6 +183,13 @@ class Foresight:
     trial: Expr
 
 
+class Matter(Protocol):
+    """One of the materials of a device: its law, and its owned local cells."""
+
+    material: Material
+    cells: npt.NDArray[np.int32]
+
+
 class Equations(Protocol):
     """What a term's figures are computed with: the `System`, whose functions hold the state."""
 
@@ -196,6 +205,10 @@ class Equations(Protocol):
     def length_unit(self) -> float: ...
     @property
     def volume_unit(self) -> float: ...
+    @property
+    def matter(self) -> Sequence[Matter]: ...
+    @property
+    def points(self) -> Array: ...
     @property
     def form(self) -> Callable[[ufl.Form], fem.Form]: ...
     def integral(self, form: fem.Form) -> float: ...
@@ -230,6 +243,10 @@ class Term:
     def figures(self, equations: Equations) -> dict[str, float]:
         """Columns of ``path.csv`` and their values in the state that is loaded, of the whole device, on all ranks."""
         return {}
+
+    def breakdown(self, equations: Equations) -> Cause | None:
+        """Why it has no stable state of its own in the state that is loaded, the same on all ranks; None where it has."""
+        return None
 
     def admits(self, before: Array, after: Array) -> bool:
         """Whether the device may go from one state to another in one step, the same on all ranks.

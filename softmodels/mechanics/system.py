@@ -28,7 +28,7 @@ from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.region_space import matrix_of
-from softmodels.mechanics.regions import check_compressible
+from softmodels.mechanics.regions import MaterialRegion, check_compressible
 from softmodels.mechanics.rigid_nodes import still_pressures, unknowns_of
 from softmodels.mechanics.sheet import Sheet
 
@@ -160,6 +160,11 @@ class System(Assembly):
                 f"the cavity's wall encloses {found * 1e6:.4g} ml where {known * 1e6:.4g} ml were expected; planes that cut "
                 "the cavity open have to pass through the origin"
             )
+
+    @property
+    def matter(self) -> Sequence[MaterialRegion]:
+        """Its materials and where they are."""
+        return self.potential.regions
 
     @property
     def vectors(self) -> fem.FunctionSpace:

@@ -22,7 +22,7 @@ from softmodels.path.modes import Mode
 from softmodels.path.passed_limits import PassedLimits
 from softmodels.path.points import PathEnd, Point
 from softmodels.path.quantities import AddedVolume, ArcLength, Followed, Plane, Pressure, Quantity
-from softmodels.path.snapping import cause_of, check_yields
+from softmodels.path.snapping import check_yields, lost
 from softmodels.path.trail import Trail
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
@@ -126,7 +126,7 @@ class Continuation:
         try:
             return events(self.corrector, self.requested, before, after, self.report)
         except NoConvergence as failure:
-            raise PathEnd(f"a limit point between two states was not found ({failure})") from failure
+            raise lost(self.corrector, self.requested, "a limit point on the way was not found", failure) from failure
 
     # -- one step -----------------------------------------------------------------------------------------------------
 
@@ -153,8 +153,8 @@ class Continuation:
                     self.follow(AddedVolume.name)  # which passes a limit point, and so tells one from a failure
                     step, direct = self.last.step, False
                 elif step < shortest:
-                    why = f"no step succeeded, down to a thousandth of the first one ({failure})"
-                    raise PathEnd(why, cause=cause_of(self.corrector, self.requested, failure)) from failure
+                    why = "no step succeeded, down to a thousandth of the first one"
+                    raise lost(self.corrector, self.requested, why, failure) from failure
 
     def _stepped(self, share: float, goal: float | None, step: float) -> Point:
         """The point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""

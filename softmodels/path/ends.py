@@ -2,21 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-
-
-@dataclasses.dataclass(frozen=True)
-class Cause:
-    """Why a device has no state of rest beyond the last one.
-
-    Attributes:
-        clause: What happens there.
-        advice: What can be done, a sentence without its full stop.
-    """
-
-    clause: str
-    advice: str
-
+from softmodels.mechanics.causes import Cause
 
 EMPTIED = Cause(
     "a cavity is pressed empty, so that its walls would pass through each other",

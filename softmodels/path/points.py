@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.mechanics.causes import Cause
 from softmodels.mechanics.controls import Control, Curve, volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Tangent
 from softmodels.mechanics.system import State
-from softmodels.path.ends import Cause
 from softmodels.path.stability import Signature
 
 Array = npt.NDArray[np.float64]

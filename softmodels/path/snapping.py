@@ -1,4 +1,4 @@
-"""What ended a path where no step succeeds: whether the device is locked, or snaps.
+"""What ended a path where no step succeeds: whether the device is locked, snaps, or has broken down in a part of it.
 
 Pressure and volume may turn back both at once: a small part of the device snaps, and hardly any air goes with it. Then no line
 in their plane leads on, however short the step. The states beyond are still found where it is given how far the device has
@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 
+from softmodels.mechanics.causes import Cause
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver, Tangent
 from softmodels.mechanics.system import State
 from softmodels.path.corrector import Corrector, Emptied
-from softmodels.path.ends import EMPTIED, LOCKED, SNAPPED, Cause
+from softmodels.path.ends import EMPTIED, LOCKED, SNAPPED
 from softmodels.path.modes import Mode
 from softmodels.path.points import PathEnd, Point
 from softmodels.path.quantities import AddedVolume, Followed, Plane, Quantity
@@ -42,10 +43,26 @@ def check_yields(first: Point, plane: Plane, *followed: Followed) -> None:
         raise PathEnd("nothing gives way", cause=LOCKED)
 
 
-def cause_of(corrector: Corrector, requested: Quantity, failure: NoConvergence) -> Cause | None:
-    """What is behind the failure of the shortest step from a path's last point, where that is the device's own; else None."""
+def lost(corrector: Corrector, requested: Quantity, why: str, failure: NoConvergence) -> PathEnd:
+    """The end of a path that could not be followed from its last point, with its cause if that is the device's own.
+
+    Args:
+        corrector: Of the path; its factorisation is not kept.
+        requested: What is requested.
+        why: A clause.
+        failure: What the solver reported.
+    """
+    return PathEnd(f"{why} ({failure})", cause=_cause_of(corrector, requested, failure))
+
+
+def _cause_of(corrector: Corrector, requested: Quantity, failure: NoConvergence) -> Cause | None:
     if isinstance(failure, Emptied):
         return EMPTIED
+    system = corrector.solver.system
+    system.load(corrector.trail.last.state)
+    for term in system.potential.terms.values():
+        if cause := term.breakdown(system):
+            return cause
     return SNAPPED if snaps(corrector, requested) else None
 
 

@@ -1,8 +1,11 @@
 """Ends of a path that are the device's own are named as such: it is held so that nothing moves, or a part of it snaps."""
 
+import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.case.load_request import LoadRequest
+from softmodels.mechanics.ellipticity import Reinforced, least_resistance
 from softmodels.results.outcomes import NO_EQUILIBRIUM
 
 TUBE = sm.Cylinder(section="axisymmetric", cell_size=2e-3)
@@ -42,3 +45,25 @@ def test_a_part_that_snaps_while_the_volume_is_given_is_named():
     run = sm.inflate(device, sm.Gent(17.95e3, 57.0, 0.5), volumes="12 ml", obstacle=sm.Obstacle("tip", "z = 14.126 mm"))
     assert run.limit.kind == "limit" and "the device snaps" in run.limit.why and run.added_volume[-1] < 6e-6
     assert run._ended.status == NO_EQUILIBRIUM and run.path["stable_under_volume"][-1] == 1
+
+
+@pytest.mark.parametrize("section", [True, False])
+def test_a_compressed_fibre_kinks_at_half_a_shear_modulus_across_it(section):
+    """Along a wave whose normal is the fibre's the silicone has mu, the fibre 2 dW/dx; nothing else is softer."""
+    stretches, stresses = np.array([0.9, 0.9, 0.9]), np.array([[-0.4], [-0.5], [-0.6]])
+    gradients = np.array([np.diag([x**-0.5, x**-0.5, x]) for x in stretches])
+    lines = np.tile((0.0, 0.0, 1.0), (3, 1, 1))
+    state = Reinforced(gradients, lines, stresses, np.full((3, 1), 2.0))
+    least = least_resistance(sm.NeoHookean(20e3, 0.49), 20e3, state, section)
+    assert least == pytest.approx([0.2, 0.0, -0.2], abs=0.02 if not section else 1e-5)
+
+
+def test_fibres_that_kink_are_named():
+    tube = sm.Cylinder(section="axisymmetric", length=20e-3, cell_size=4e-3)
+    threads = sm.Fibres(angle=0.0, helices=1, modulus=3e5, name="threads")
+    case = sm.Case(
+        "tube", tube, sm.NeoHookean(30e3, 0.49), parts=(threads, sm.Force("end", "-z", name="push")),
+        driven=LoadRequest("travel_mm", (0.0, 8.0), "push"),
+    )  # fmt: skip
+    run = sm.run(case)
+    assert run.limit.kind == "limit" and "the fibres of [fibres.threads] kink" in run.limit.why
