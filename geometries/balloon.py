@@ -71,6 +71,7 @@ class Balloon(Revolved):
     angle: float = wedge_field()
 
     stem: ClassVar = "balloon"
+    unbonded: ClassVar = ()
     pressures: ClassVar = "0:20"
     stiffer: ClassVar = "a thicker wall (--wall), a smaller balloon (--radius)"
     examples: ClassVar = (

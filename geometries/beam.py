@@ -52,6 +52,7 @@ class Beam(MirroredHalf):
 
     stem: ClassVar = "beam"
     faces: ClassVar = ("tip", "top", "bottom", "side")
+    unbonded: ClassVar = ()
     stiffer: ClassVar = "a thicker or shorter beam (--thickness, --length)"
     ratios: ClassVar[tuple[float, ...]] = ()  # type: ignore[assignment]
     cavity_volume: ClassVar[float] = 0.0  # type: ignore[assignment]

@@ -69,6 +69,7 @@ class Bellows(HeldTip, Revolved):
         "--tip held",
     )
     faces: ClassVar = ("outer", "tip")
+    unbonded: ClassVar = ()
     seen: ClassVar = ("tip", "outer")
 
     def check(self) -> None:

@@ -61,6 +61,7 @@ class BendingBellows(Bending, MirroredHalf, HeldTip):
     pressures: ClassVar = "0:25"
     silicone: ClassVar = "ecoflex-00-30"
     faces: ClassVar = ("folds", "bottom", "tip", "outer")
+    unbonded: ClassVar = ()
     regions: ClassVar = ("base",)
     stiffer: ClassVar = "a thicker wall (--wall), a smaller radius (--radius)"
     examples: ClassVar = ("--folds 6 --depth 4mm", "--radius 8mm --wall 2mm --rim 2mm", "--part full")

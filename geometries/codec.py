@@ -20,9 +20,11 @@ def to_table(thing: Any, text: Text = exact_text) -> dict[str, Any]:
             the last bit, unless another is given, such as `readable` for people.
 
     Returns:
-        Lengths and the like as texts with a unit ("20 mm"); pure numbers, choices, texts and lists as they are.
+        Lengths and the like as texts with a unit ("20 mm"); pure numbers, choices, texts and lists as they are. What is left
+        open is left out.
     """
-    return {field.key or name: field.kind.write(getattr(thing, name), text) for name, field in about(thing).items()}
+    written = {field.key or name: field.kind.write(getattr(thing, name), text) for name, field in about(thing).items()}
+    return {name: value for name, value in written.items() if value is not None}
 
 
 def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "") -> dict[str, Any]:

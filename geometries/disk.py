@@ -85,6 +85,7 @@ class HollowDisk(Wedged):
     pressures: ClassVar = "0:177"
     axial: ClassVar = True
     faces: ClassVar = ("top",)
+    unbonded: ClassVar = ("outer",)
     stiffer: ClassVar = "a thicker membrane (--membrane), a smaller cavity (--cavity-radius)"
     examples: ClassVar = (
         "--variant shadow",

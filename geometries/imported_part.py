@@ -77,6 +77,7 @@ class ImportedPart(Actuator):
     rise: str = choice_field("z", ("x", "y", "z"), "direction in which that motion is counted")
 
     stem: ClassVar = "part"
+    unbonded: ClassVar = ("outer",)
     kind: ClassVar[str] = "file"
     """What the file is, for messages."""
 

@@ -28,6 +28,9 @@ SHORTEST = 1e-5
 LONGEST = 10.0
 """Longest length in m; anything above it is a number typed in another unit."""
 
+LISTED = 4
+"""Up to so many whole numbers are listed one by one in messages; of more their least and largest are."""
+
 ROUNDING = 1e-9
 """Share by which a value may pass a bound: 10 um is 9.999999999999999e-06 m."""
 
@@ -122,6 +125,26 @@ class Length(Quantity):
 
 
 @dataclasses.dataclass(frozen=True)
+class Open(Kind):
+    """A quantity that may be left open: None where it follows from something else."""
+
+    of: Quantity
+    unit: str = dataclasses.field(init=False, default="")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "unit", self.of.unit)
+
+    def settled(self, name: str, value: object) -> float | None:
+        return None if value is None else self.of.settled(name, value)
+
+    def read(self, name: str, value: object) -> float | None:
+        return None if value is None else self.of.read(name, value)
+
+    def write(self, value: object, text: Text) -> object:
+        return None if value is None else self.of.write(value, text)
+
+
+@dataclasses.dataclass(frozen=True)
 class Choice(Kind):
     """One of some values, all of one type."""
 
@@ -134,7 +157,17 @@ class Choice(Kind):
         for known in self.choices:
             if value == known and not isinstance(value, bool):
                 return known
+        if ends := self.ends:
+            raise FieldError(f"{name} is {value!r}; it must be a whole number from {ends[0]} to {ends[1]}")
         raise FieldError(f"{name} is {value!r}; it must be one of {', '.join(map(str, self.choices))}")
+
+    @property
+    def ends(self) -> tuple[int, int] | None:
+        """The least and the largest of whole numbers without gaps, if they are more than `LISTED`."""
+        whole = [known for known in self.choices if isinstance(known, int)]
+        if len(whole) <= LISTED or whole != list(range(whole[0], whole[0] + len(self.choices))):
+            return None
+        return whole[0], whole[-1]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,7 +11,7 @@ import click
 from geometries.actuator import Actuator
 from geometries.errors import GeometryError
 from geometries.fields import About, about
-from geometries.kinds import Choice, Flag, Kind, Quantity, Several, Words, shown
+from geometries.kinds import Choice, Flag, Kind, Open, Quantity, Several, Words, shown
 from geometries.table import device_from, from_table, to_table
 from measurement.units import UnitError, quantity
 
@@ -73,8 +73,13 @@ def _(kind: Quantity) -> click.ParamType:
 
 
 @_type.register
+def _(kind: Open) -> click.ParamType:
+    return QuantityType(kind.unit)
+
+
+@_type.register
 def _(kind: Choice) -> click.ParamType:
-    return click.Choice([str(known) for known in kind.choices])
+    return click.IntRange(*kind.ends) if kind.ends else click.Choice([str(known) for known in kind.choices])
 
 
 @_type.register

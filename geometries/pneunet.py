@@ -87,6 +87,7 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
     pressures: ClassVar = "0:12"
     silicone: ClassVar = "ecoflex-00-30"
     faces: ClassVar = ("top", "bottom", "tip", "chamber_walls", "outer")
+    unbonded: ClassVar = ()
     stiffer: ClassVar = "thicker walls (--wall, --side-wall, --top-wall), narrower chambers (--chamber-width)"
     examples: ClassVar = (
         "--chambers 6 --gap 1mm",

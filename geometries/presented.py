@@ -20,5 +20,8 @@ class Presented:
     stiffer: ClassVar[str] = "thicker walls"
     """What bears more pressure before it balloons, with the options; a clause for messages."""
 
+    unbonded: ClassVar[tuple[str, ...] | None] = None
+    """Faces of the mesh beyond `Actuator.faces`, cavities, supports and cut planes; None if only a mesh tells them."""
+
     examples: ClassVar[tuple[str, ...]] = ()
     """Options worth showing in a command's help."""

@@ -99,6 +99,7 @@ class SeminarActuator(MirroredHalf, HeldTip):
     pressures: ClassVar = "0:177"
     silicone: ClassVar = "ecoflex-00-30"
     faces: ClassVar = ("top", "bottom")
+    unbonded: ClassVar = ("outer", "tip")
     stiffer: ClassVar = "narrower channels (--end-bore, --manifold-bore), a thicker slab (--thickness)"
     examples: ClassVar = (
         "--channels 7 --spread 120deg",

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from geometries.kinds import Quantity, Text
 from softmodels.case import material_table
+from softmodels.materials.casting import sheet_of
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed
 from softmodels.mechanics.loads import check_density
@@ -29,7 +30,7 @@ class Region(RegionPart, HeavyPart):
 
     Attributes:
         material: Its law and parameters.
-        density: In kg/m3; that of `softmodels.mechanics.loads.Gravity` if None.
+        density: In kg/m3; if None that of the named silicone's data sheet, or else of `softmodels.mechanics.loads.Gravity`.
         name: Physical group of its cells, one of `Actuator.regions`.
 
     Raises:
@@ -55,9 +56,11 @@ class Region(RegionPart, HeavyPart):
             check_density(DENSITY.settled(f"{self.where} density", self.density), self.where)
 
     def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
-        if self.density is None or self.density == density:
+        sheet = sheet_of(self.material)
+        own = self.density if self.density is not None else sheet.density if sheet else density
+        if own == density:
             return []
-        return [Weighed([on.mean(along, region=self.name)], (self.density - density) * on.volume(self.name))]
+        return [Weighed([on.mean(along, region=self.name)], (own - density) * on.volume(self.name))]
 
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Region:
@@ -73,7 +76,10 @@ class Region(RegionPart, HeavyPart):
     @property
     def explained(self) -> Mapping[str, str]:
         law = {field.name: field.metadata["help"] for field in dataclasses.fields(self.material)}
-        return {**law, "density": "density of the region; that of [gravity] if left out"}
+        return {
+            **law,
+            "density": "density of the region; by its silicone's data sheet, or that of [gravity], if left out",
+        }
 
     @property
     def label(self) -> str:

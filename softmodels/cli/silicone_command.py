@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from softmodels.cli.options import fail
+from softmodels.materials.casting import SILICONE_DENSITY, casting_of
 from softmodels.materials.homogeneous import nominal_stress
 from softmodels.materials.silicones import PRODUCTS, Silicone
 from softmodels.materials.spread import full_name, product_of, spread_sentence
@@ -17,8 +18,8 @@ HEAD = f"  {'--material':42s} {'modulus':>10s} {'stress at stretch 1.5, 2':>26s}
 def silicones(products: tuple[str, ...]) -> None:
     """List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.
 
-    With a PRODUCT, such as ecoflex-00-30, where and how each of its sources was measured. The first source is what the bare
-    name means.
+    With a PRODUCT, such as ecoflex-00-30, where and how each of its sources was measured, and its density. The first source is
+    what the bare name means.
 
     \b
     Exit status: 0 done; 2 no such silicone.
@@ -35,6 +36,7 @@ def silicones(products: tuple[str, ...]) -> None:
                 click.echo(_origin(one))
         if names:
             click.echo(f"  {spread_sentence(name)}")
+            click.echo(f"  {_weight(name)}")
     if not names:
         click.echo("softmodels silicones PRODUCT tells where and how each source was measured")
 
@@ -46,6 +48,16 @@ def _line(product: str, one: Silicone) -> str:
     span = "not published" if one.stretches is None else f"{one.stretches[0]:g} to {one.stretches[1]:g}"
     modulus = f"{one.material.shear_modulus_0 / 1e3:.4g} kPa"
     return f"  {full_name(product, one):42s} {modulus:>10s} {stresses:>26s}   {span:20s}"
+
+
+def _weight(product: str) -> str:
+    """What it weighs under gravity."""
+    sheet = casting_of(product)
+    return (
+        f"density {sheet.density:g} kg/m^3: {sheet.source}"
+        if sheet
+        else f"density not known, {SILICONE_DENSITY:g} kg/m^3 taken"
+    )
 
 
 def _origin(one: Silicone) -> str:

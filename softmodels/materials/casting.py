@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from softmodels.materials.silicones import PRODUCTS
+from softmodels.materials.material import Material
+from softmodels.materials.silicones import PRODUCTS, named
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +71,22 @@ CASTING: dict[str, Casting | None] = {
     ),
 }
 """By product; None where the sheet that came with the batch has to be read."""
+
+
+SILICONE_DENSITY = 1070.0
+"""kg/m3 where no sheet is known; those above have 1030 to 1130."""
+
+
+def sheet_of(material: Material) -> Casting | None:
+    """The sheet of the silicone that a material is; None if it is none of the library, or its sheet is not known here."""
+    name = named(material)
+    return casting_of(name.partition("/")[0]) if name else None
+
+
+def density_of(material: Material) -> float:
+    """Density in kg/m3 by the sheet of the silicone that a material is, else `SILICONE_DENSITY`."""
+    sheet = sheet_of(material)
+    return sheet.density if sheet else SILICONE_DENSITY
 
 
 def casting_of(product: str) -> Casting | None:

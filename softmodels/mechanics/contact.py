@@ -29,7 +29,8 @@ from geometries.selections import faces as plane_faces
 from measurement.wording import Spoken
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.mpi import largest
-from softmodels.mechanics.named_places import names_in
+from softmodels.mechanics.named_places import check_on_mesh, names_in
+from softmodels.mechanics.parts import PartError
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -97,6 +98,10 @@ class Obstacle:
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ObstacleError` where there is no such plane beside a device."""
+        try:
+            check_on_mesh("contact", actuator, self.roles)
+        except PartError as error:
+            raise ObstacleError(str(error)) from None
         self.place(actuator)
 
     @property

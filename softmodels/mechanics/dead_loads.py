@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.materials.material import Material
 from softmodels.mechanics.cell_measure import cell_measure
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.parts import Equations, Part, PartError
@@ -42,6 +43,8 @@ class Loaded(Equations, Protocol):
     def w(self) -> fem.Function: ...
     @property
     def mixed(self) -> bool: ...
+    @property
+    def material(self) -> Material: ...
     @property
     def n(self) -> int: ...
     def assemble(self, forms: list[fem.Form]) -> Array: ...

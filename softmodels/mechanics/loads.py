@@ -14,15 +14,15 @@ import numpy.typing as npt
 from geometries import Actuator
 from geometries.actuator import Vector
 from geometries.fields import field_of
-from geometries.kinds import Quantity, Words
+from geometries.kinds import Open, Quantity, Words
+from softmodels.materials.casting import density_of
 from softmodels.mechanics.body import BodyError, in_section
 from softmodels.mechanics.dead_loads import LOADS_ENERGY, HeavyPart, LoadPart, Spread, Weighed, check_finite, mean_place
 from softmodels.mechanics.load_directions import ALONG, check_direction, direction
+from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import Part, PartError, register_part
 
 STANDARD_GRAVITY = 9.81
-SILICONE_DENSITY = 1070.0
-"""kg/m3; makers' sheets have 1030 to 1130, see `softmodels.materials.casting`."""
 HEAVIEST = 25e3
 """Density in kg/m3 above which a unit is mistaken: no metal is denser."""
 
@@ -68,6 +68,10 @@ class FaceLoad(DirectedLoad):
         if self.amount:
             check_finite(self.amount, self.where, "amount")
 
+    def check_on(self, actuator: Actuator) -> None:
+        super().check_on(actuator)
+        check_on_mesh(self.where, actuator, [self.face])
+
 
 @register_part
 @dataclasses.dataclass(frozen=True)
@@ -76,12 +80,17 @@ class Gravity(DirectedLoad):
 
     Attributes:
         direction: Where to, in device coordinates.
-        density: Of the silicone, and of regions without one of their own.
+        density: Of the silicone, and of regions without one of their own; None for that of the named silicone's data sheet, see
+            `softmodels.materials.casting.density_of`.
         magnitude: Acceleration.
     """
 
     direction: str = field_of(Words(), "direction of gravity, such as -z or 0.6, 0, -0.8")
-    density: float = field_of(Quantity("kg/m^3"), "density of the silicone", SILICONE_DENSITY)
+    density: float | None = field_of(
+        Open(Quantity("kg/m^3")),
+        "density of the silicone; by its maker's data sheet, or 1070 kg/m^3, if left out",
+        None,
+    )
     magnitude: float = field_of(Quantity("m/s^2"), "acceleration of gravity", STANDARD_GRAVITY)
 
     table: ClassVar[str] = "gravity"
@@ -105,12 +114,14 @@ class Gravity(DirectedLoad):
         if self.name:
             raise PartError(f"{self.where}: a device has one gravity, without a name; write it as [gravity]")
         check_finite(self.magnitude, self.where, "magnitude")
-        check_density(self.density, self.where)
+        if self.density is not None:
+            check_density(self.density, self.where)
 
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         along = in_section(self.vector, on.body.actuator.dimension)
-        masses = [Weighed([on.mean(along)], self.density * on.volume())] if self.density else []
-        masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along, self.density)]
+        density = density_of(on.system.material) if self.density is None else self.density
+        masses = [Weighed([on.mean(along)], density * on.volume())] if density else []
+        masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along, density)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
             raise PartError(f"{self.where}: nothing has a mass; give the silicone's density, or hang a mass on a face")
@@ -137,6 +148,9 @@ class Mass(HeavyPart):
 
     def check(self) -> None:
         check_finite(self.amount, self.where, "amount")
+
+    def check_on(self, actuator: Actuator) -> None:
+        check_on_mesh(self.where, actuator, [self.face])
 
     def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
         with _on_face(self):
@@ -223,6 +237,7 @@ class Moment(FaceLoad):
     moved_column_unit: ClassVar[float] = math.pi / 180
 
     def check_on(self, actuator: Actuator) -> None:
+        check_on_mesh(self.where, actuator, [self.face])
         if actuator.dimension == 2:
             raise PartError(f"{self.where}: an axisymmetric section takes no moment; use {actuator.fuller}")
         for plane in actuator.cut_planes:

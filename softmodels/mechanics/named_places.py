@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 from geometries import Actuator
+from geometries.openings import cavity_roles
 from softmodels.mechanics.parts import PartError
 
 
@@ -25,6 +27,17 @@ def check_faces(where: str, actuator: Actuator, names: Sequence[str]) -> None:
             raise PartError(
                 f"{where}: {name!r} is no face of {type(actuator).__name__}; it has {', '.join(faces_of(actuator))}"
             )
+
+
+def check_on_mesh(where: str, actuator: Actuator, names: Sequence[str]) -> None:
+    """Raise `PartError` for names that the device's mesh will have no face of, as far as that is known before it is made."""
+    if actuator.unbonded is None:
+        return
+    others = (hold.role for hold in actuator.holds), (plane.name for plane in actuator.cut_planes), actuator.unbonded
+    known = list(dict.fromkeys([*actuator.faces, *cavity_roles(actuator), *itertools.chain(*others)]))
+    for name in names:
+        if name not in known:
+            raise PartError(f"{where}: {type(actuator).__name__} has no face {name!r}; it has {', '.join(known)}")
 
 
 def check_regions(where: str, actuator: Actuator, names: Sequence[str]) -> None:

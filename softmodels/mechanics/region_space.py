@@ -121,6 +121,23 @@ def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[Inde
     return common.IndexMap(comm, n + extra, behind, np.concatenate(owners), TAG), new
 
 
+def known_to_all(space: fem.FunctionSpace, dofs: Ints) -> Ints:
+    """Local dofs that any rank names, in order: the owner of a vertex need not have the cells that name it.
+
+    Args:
+        space: A space whose unknowns are numbered one by one.
+        dofs: Local dofs that this rank names.
+    """
+    from dolfinx import la
+
+    named = la.vector(space.dofmap.index_map, 1)
+    named.array[:] = 0.0
+    named.array[dofs] = 1.0
+    named.scatter_reverse(la.InsertMode.add)
+    named.scatter_forward()
+    return np.flatnonzero(named.array).astype(np.int32)
+
+
 def entries_of(space: fem.FunctionSpace, sub: int) -> int:
     """Number of unknowns of one part of a mixed space, over all ranks."""
     from dolfinx import la

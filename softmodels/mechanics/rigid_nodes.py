@@ -11,6 +11,7 @@ import numpy.typing as npt
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import any_rank, total
 from softmodels.mechanics.parts import Part, PartError
+from softmodels.mechanics.region_space import known_to_all
 from softmodels.mechanics.rigid import STILL, Rigid
 from softmodels.mechanics.rigid_motion import RigidMotion
 from softmodels.mechanics.unknowns import RigidUnknowns, Unknowns
@@ -143,5 +144,5 @@ def still_pressures(body: Body, space: fem.FunctionSpace, parts: Sequence[Part])
     if not regions or space.dofmap.index_map_bs != 1:
         return []
     rows = np.array(space.sub(1).dofmap.list)
-    dofs = np.unique(np.concatenate([rows[body.regions[name]].ravel() for name in regions])).astype(np.int32)
+    dofs = known_to_all(space, np.concatenate([rows[body.regions[name]].ravel() for name in regions]))
     return [fem.dirichletbc(np.array(0.0), dofs, space.sub(1))]

@@ -21,6 +21,7 @@ from geometries.kinds import Flag, Length, Quantity, Several, Words
 from softmodels.mechanics.contact import NEAR, ONSET_PRESSURE, STIFFNESS, penalty
 from softmodels.mechanics.contact_part import ContactPart
 from softmodels.mechanics.face_nodes import FaceNodes, check_mesh_faces
+from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import Equations, PartError, Setting, Term, register_part
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ class RigidShape(ContactPart):
         return DEEPEST if self.hollow else min(DEEPEST, 0.5 * self.radius / size)
 
     def check_on(self, actuator: Actuator) -> None:
+        check_on_mesh(self.where, actuator, self.roles)
         at, along = np.asarray(self.at), self.direction
         if actuator.dimension == 2:
             if np.abs(at[:2]).max() > 0.0 or (self.shape != "sphere" and abs(along[2]) < 1 - 1e-12):

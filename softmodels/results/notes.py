@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from softmodels.case.case import Case
 from softmodels.case.gauges import followed_text
+from softmodels.materials.casting import density_of, sheet_of
 from softmodels.materials.silicones import SILICONES, named, stretch_at_break
 from softmodels.materials.spread import material_spread
 from softmodels.materials.stability import instabilities
@@ -31,6 +32,7 @@ def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
         *law_notes(case, rows),
         *stretch_notes(case, rows),
         *source_notes(case),
+        *weight_notes(case),
         *volume_notes(rows),
         *contact_notes(case, rows),
         *depth_notes(case, rows),
@@ -92,6 +94,17 @@ def source_notes(case: Case) -> list[str]:
     """How far the sources of a named silicone lie apart; none for a material that is not of the library."""
     text = material_spread(case.material)
     return [text] if text else []
+
+
+def weight_notes(case: Case) -> list[str]:
+    """What the silicone's own weight was taken from, where gravity acts and no density was given: a sentence, or none."""
+    if not any(isinstance(part, Gravity) and part.density is None for part in case.parts):
+        return []
+    sheet = sheet_of(case.material)
+    source = f"by the {sheet.source}" if sheet else "as most silicones do, for no density was given"
+    return [
+        f"the silicone weighs {density_of(case.material):g} kg/m^3, {source} ([gravity] density, --gravity-density)"
+    ]
 
 
 def volume_notes(rows: Sequence[Row]) -> list[str]:

@@ -154,7 +154,7 @@ def test_full_slab_is_two_halves(mesh):
         ({"length": 2.0}, ("mistaken unit",)),
         ({"around": 200.0}, ("around is 200",)),
         ({"cell_size": 0.02}, ("cell_size is 20 mm",)),
-        ({"channels": 31}, ("channels is 31",)),
+        ({"channels": 31}, ("channels is 31; it must be a whole number from 1 to 30",)),
         ({"spread": 1.0}, ("spread is 1 deg",)),
         ({"offset": math.nan}, ("offset",)),
     ],

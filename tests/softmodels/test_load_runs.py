@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from geometries import Beam, HollowDisk
+from geometries import Beam, HollowDisk, Membrane
 from softmodels.case.case import Case, CaseError
 from softmodels.case.load_request import LoadRequest
+from softmodels.case.region import Region
 from softmodels.materials.laws import NeoHookean
+from softmodels.materials.silicones import silicone
+from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.loads import Force, Gravity, Mass
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.rigid_shapes import RigidShape
+from softmodels.mechanics.walls.part import Walls
 from softmodels.path.program import Series
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
@@ -226,3 +231,40 @@ def test_a_cavity_that_is_pressed_empty():
     assert limit.kind == "limit" and "a cavity is pressed empty" in limit.why and "cavity has taken" not in limit.why
     chamber = np.pi * membrane.radius**2 * membrane.chamber_depth
     assert -chamber < limit.added_volume < -0.9 * chamber
+
+
+def test_a_named_silicone_weighs_what_its_sheet_says():
+    """Of the device and of a region, each by its own sheet; a density that is given goes before; a note tells the source."""
+    membrane = Membrane(cell_size=0.004, through=1.0, plate_radius=0.008, plate_thickness=0.002)
+    plate = Region(silicone("dragon-skin-20"), name="plate")
+    volumes = np.array([membrane.solid_volume, np.pi * 0.008**2 * 0.002])
+    volumes[0] -= volumes[1]
+    soft, share = silicone("ecoflex-00-10"), LoadRequest("share", (1.0,))
+
+    def weighed(gravity, *parts, law=soft):
+        run = sm.inflate(membrane, dataclasses.replace(law, poisson=0.49), driven=share, parts=(gravity, *parts))
+        return run.rows[-1]["weight_N"] / 9.81, " ".join(run.notes), run.case.to_toml()
+
+    mass, notes, text = weighed(Gravity(direction="-z"), plate)
+    assert mass == pytest.approx(volumes @ [1040.0, 1080.0], rel=1e-6)
+    assert "the silicone weighs 1040 kg/m^3, by the Smooth-On technical bulletin, Ecoflex Series" in notes
+    assert "\ndensity" not in text and Case.from_toml(text).to_toml() == text
+    mass, notes, text = weighed(Gravity(direction="-z", density=2000.0))
+    assert mass == pytest.approx(2000.0 * volumes.sum(), rel=1e-6) and "weighs" not in notes and "2000 kg/m^3" in text
+    mass, notes, _ = weighed(Gravity(direction="-z"), law=LAW)
+    assert mass == pytest.approx(1070.0 * volumes.sum(), rel=1e-6) and "as most silicones do" in notes
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        Walls(faces="cavity, lid"), RigidShape(faces="lid", at=(0.0, 0.0, 0.03), radius=0.005), Force("lid", "z", 1.0),
+        Mass("lid", 0.01),
+    ],
+)  # fmt: skip
+def test_faces_that_no_mesh_will_have_are_refused_before_one_is_made(part, monkeypatch):
+    monkeypatch.setattr(HollowDisk, "build", None)
+    with pytest.raises(CaseError, match=r"HollowDisk has no face 'lid'; it has top, cavity, .*outer"):
+        Case("disk", DISK, LAW, (10.0,), parts=(part, Gravity(direction="-z")))
+    with pytest.raises(CaseError, match="HollowDisk has no face 'lid'"):
+        Case("disk", DISK, LAW, (10.0,), obstacle=Obstacle("lid", "z = 30 mm"))

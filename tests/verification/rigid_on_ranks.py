@@ -1,6 +1,6 @@
-"""Figures of rigid parts, as JSON from rank 0: a plate on a membrane, a rigid ring, and a plate that turns on a slab.
+"""Figures of rigid parts, as JSON from rank 0: plate and ring on a membrane, a plate on a wedge, one that turns on a beam.
 
-mpiexec -n 2 python rigid_on_ranks.py MEMBRANE.msh BEAM.msh
+mpiexec -n 2 python rigid_on_ranks.py MEMBRANE.msh DISK.msh BEAM.msh
 """
 
 from __future__ import annotations
@@ -18,15 +18,21 @@ import numpy as np  # noqa: E402
 import softmodels as sm  # noqa: E402
 from softmodels.mechanics.body import Body  # noqa: E402
 from softmodels.mechanics.controls import pressure_control  # noqa: E402
+from softmodels.mechanics.loads import Force  # noqa: E402
 from softmodels.mechanics.rigid import Rigid  # noqa: E402
+from softmodels.mechanics.rotations import rotation_vector  # noqa: E402
 from softmodels.mechanics.solver import Solver  # noqa: E402
 from softmodels.mechanics.system import System  # noqa: E402
 from softmodels.path.stability import Stability  # noqa: E402
+from softmodels.path.stages import hang  # noqa: E402
 
 MEMBRANE = sm.Membrane(
     radius=0.02, thickness=0.001, clamp_width=0.0, plate_radius=0.005, rings=(0.008, 0.011), ring_thickness=0.001
 )
 DISK = sm.HollowDisk(section="wedge", angle=90.0, cell_size=0.006)
+BEAM = sm.Beam(length=0.020, width=0.004, thickness=0.004, part="full", cell_size=0.004)
+DEVICES = (MEMBRANE, DISK, BEAM)
+LAW = sm.NeoHookean(30e3)
 
 
 def figures(system, pressures):
@@ -45,18 +51,37 @@ def figures(system, pressures):
     return [state.V, stability.negative_eigenvalues(), stability.lowest(), *moved]
 
 
-def main():
-    law = sm.NeoHookean(30e3)
-    membrane, disk = (
-        Body.from_file(device, Path(file), COMM) for device, file in zip((MEMBRANE, DISK), sys.argv[1:], strict=True)
+def turned(system):
+    """Motion of a plate that dead forces turn, the energy stored, and the lowest eigenvalue."""
+    solver = Solver(system)
+    state = hang(solver, [("the forces", system.dead.amounts / system.dead.units)], lambda text: None).state
+    solver.factorise(state)
+    stability = Stability.of(solver)
+    system.load(state)
+    plate = system.unknowns.moving["plate"]
+    motion = [*plate.translation, *rotation_vector(plate.rotation)]
+    return [*motion, system.stored_energy(), stability.negative_eigenvalues(), stability.lowest()]
+
+
+def found(files):
+    """Lists of numbers by what they are of, the same on all ranks."""
+    membrane, disk, beam = (
+        Body.from_file(device, Path(file), COMM) for device, file in zip(DEVICES, files, strict=True)
     )
     parts = [Rigid("plate", name="plate"), Rigid(region="ring1", name="ring")]
-    found = {
-        "plate and rigid ring": figures(System(membrane, law, parts=parts), (0.01, 0.02)),
-        "wedge with a plate": figures(System(disk, law, parts=[Rigid("top", name="plate")]), (0.1,)),
+    pushed = [Rigid("tip", name="plate"), Force("tip", "-z", 0.02, name="down"), Force("tip", "y", 0.01, name="aside")]
+    values = {
+        "plate and rigid ring": figures(System(membrane, LAW, parts=parts), (0.01, 0.02)),
+        "wedge with a plate": figures(System(disk, LAW, parts=[Rigid("top", name="plate")]), (0.1,)),
+        "plate that turns": turned(System(beam, LAW, parts=pushed)),
     }
+    return {name: list(map(float, np.asarray(one))) for name, one in values.items()}
+
+
+def main():
+    values = found(sys.argv[1:])
     if is_root(COMM):
-        print(json.dumps({name: list(map(float, np.asarray(values))) for name, values in found.items()}))
+        print(json.dumps(values))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from softmodels.mechanics.body import in_section
 from softmodels.mechanics.contact import ONSET_PRESSURE
 from softmodels.mechanics.contact_part import ContactPart
 from softmodels.mechanics.face_nodes import FaceNodes, check_mesh_faces
+from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import Equations, PartError, Setting, register_part
 from softmodels.mechanics.walls.energy import Pressed
 from softmodels.mechanics.walls.gap import Penalty
@@ -68,6 +69,9 @@ class Walls(ContactPart):
         if len(set(self.roles)) < len(self.roles):
             raise PartError(f"{self.where}: faces = {self.faces!r} names a face twice")
         self.check_stiffness()
+
+    def check_on(self, actuator: Actuator) -> None:
+        check_on_mesh(self.where, actuator, self.roles)
 
     @property
     def in_model(self) -> str:
