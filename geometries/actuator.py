@@ -188,7 +188,7 @@ class Actuator(Designable, Castable, Presented, ABC):
     @property
     @abstractmethod
     def cavity_volume(self) -> float:
-        """Volume in m3 of the whole device's undeformed cavity, in closed form; NaN of walls that are open on purpose."""
+        """Volume in m3 of the whole device's undeformed cavity, in closed form; NaN where there is none."""
 
     @property
     @abstractmethod

@@ -63,7 +63,7 @@ def cavity_roles(actuator: Actuator) -> list[str]:
 
 
 def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterable[Hold]) -> None:
-    """Refuse cavities that nothing closes; a device that knows no volume of its cavity (NaN) may have such.
+    """Refuse cavities that nothing closes.
 
     Args:
         actuator: The device.
@@ -74,7 +74,7 @@ def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterabl
         GeometryError: The first opening that no plane closes, with its place and the names of the faces there.
     """
     for opening in openings:
-        if np.isnan(actuator.cavity_volume) or opening.closed_by(holds):
+        if opening.closed_by(holds):
             continue
         shown = ", ".join(opening.faces[:NAMED]) or "without a name"
         place = ", ".join(f"{1e3 * x:.4g}" for x in opening.place)

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+COARSE = 0.02
+"""Error of the cavity's volume by its mesh from which it is warned of."""
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
 
@@ -129,6 +131,11 @@ class Simulation:
         unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
         cells = topology.index_map(topology.dim).size_global
         say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
+        if abs(error := self.solver.system.volume_error) > COARSE:
+            kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
+            say(
+                f"warning: the cavity of the mesh has {amount} {kind} volume than the device's: its curves need smaller cells"
+            )
         if weak := weakness(self.case.material):
             say(f"warning: {weak}; states stretched further are not the silicone's")
 

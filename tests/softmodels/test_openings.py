@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+
 import gmsh
 import numpy as np
 import pytest
 
-from geometries import ACTUATORS, Balloon, Cylinder, GeometryError, PneuNet, imported_mesh, pneunet_shape
+from geometries import ACTUATORS, Balloon, Cylinder, GeometryError, HollowDisk, PneuNet, imported_mesh, pneunet_shape
 from geometries.meshing import private_model
 from geometries.mirroring import mirror_mesh
 from geometries.openings import check_closed, find_openings
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics.body import Body
+from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.system import System
+from softmodels.runs.simulation import Simulation
 
 CUT = {"section": "wedge", "angle": 45.0}
 COARSE = [
@@ -110,3 +114,55 @@ def test_a_rim_off_the_origin_is_in_no_plane(device):
     assert opening.normal is None
     with pytest.raises(GeometryError, match="so that the cavity is open there"):
         check_closed(device, [opening], device.holds)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Unmeasured(HollowDisk):
+    """A disk whose air has no closed form, and perhaps a wall of another role."""
+
+    section: str = "axisymmetric"
+    lost: str = ""
+
+    cavity_volume = math.nan
+
+    def build(self):
+        super().build()
+        for tag in [tag for dimension, tag in gmsh.model.getPhysicalGroups(1)]:
+            if gmsh.model.getPhysicalName(1, tag) == "cavity" and self.lost:
+                walls = gmsh.model.getEntitiesForPhysicalGroup(1, tag)
+                gmsh.model.removePhysicalGroups([(1, tag)])
+                gmsh.model.addPhysicalGroup(1, walls[1:], tag, "cavity")
+                gmsh.model.addPhysicalGroup(1, walls[:1], 77, self.lost)
+
+
+def test_a_device_without_a_closed_form_of_its_volume_is_looked_at_too(comm, tmp_path):
+    law = NeoHookean(30e3)
+    closed = Unmeasured()
+    assert System(Body.from_file(closed, closed.write(tmp_path / "a.msh"), comm), law).rest().V > 0
+    open_one = Unmeasured(lost="roof")
+    body = Body.from_file(open_one, open_one.write(tmp_path / "b.msh"), comm)
+    with pytest.raises(GeometryError, match=r"'cavity' of Unmeasured end near .*roof"):
+        System(body, law)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Smaller(HollowDisk):
+    """A disk whose mesh has a twentieth less air than it is said to have, as one that forgets a pocket has."""
+
+    section: str = "axisymmetric"
+
+    @property
+    def cavity_volume(self):
+        return super().cavity_volume / 0.95
+
+
+def test_curved_edges_leave_a_volume_no_error_and_straight_ones_are_warned_of(comm, tmp_path):
+    device, law = Smaller(), NeoHookean(30e3)
+    with pytest.raises(BodyError, match="every face around the air has to be among its walls"):
+        System(Body.from_file(device, device.write(tmp_path / "a.msh"), comm), law)
+    simulation, told = Simulation(Case("d", Smaller(order=1), law, pressures_cm=(1.0,)), comm), []
+    simulation.write_mesh(tmp_path / "b.msh")
+    simulation.prepare(tmp_path / "b.msh")
+    simulation.listener.say = told.append
+    simulation.describe()
+    assert any("% less volume than the device's" in text for text in told), told
