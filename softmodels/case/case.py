@@ -28,6 +28,7 @@ from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntr
 from softmodels.materials.laws import Material
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.methods import METHODS, check_method
 from softmodels.mechanics.sheet import Sheet
 from softmodels.path.air_supply import AirSupply
 from softmodels.path.program import Program
@@ -44,6 +45,7 @@ class _Shown(TypedDict, total=False):
     what: str
     hidden: bool
     metavar: str
+    option: str
 
 
 def _written[V](entry: Entry[V]) -> dict[str, Entry[V]]:
@@ -83,6 +85,7 @@ class Case:
         parts: What else is added to the device; see `softmodels.mechanics.parts`.
         band: Errors of the material, whose 95 % band is told of every state; None for none.
         driven: Requested forces, or travels, of a dead load among these.
+        solver: How linear equations are solved; no number depends on it.
 
     Raises:
         CaseError: From the constructor, if this cannot be run or cannot be meant.
@@ -123,6 +126,12 @@ class Case:
     parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
     band: MaterialErrors | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
     driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
+    solver: str = _value(
+        "solver", "method", Choice(METHODS),
+        "how linear equations are solved: by a factorisation (direct), by iterations with multigrid (iterative), whose memory "
+        "grows only as the model does, or by what the memory has room for (auto)",
+        "auto", hidden=True, option="solver",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
@@ -138,6 +147,7 @@ class Case:
             self.gauges.check(self.actuator)
             object.__setattr__(self, "parts", tuple(self.parts))
             check_parts(self.parts, self.actuator)
+            check_method(self.solver, self.parts)
             check_materials(self.material, self.parts, self.formulation)
             if self.band is not None:
                 self.band.check(self.material)

@@ -123,6 +123,7 @@ class Value(Entry[object]):
         default: What it is where it is left out.
         what: What messages call it; the key if empty.
         hidden: Whether it is left out of a written file where it has its default.
+        option: Name of its option; the key if empty.
     """
 
     table: str
@@ -132,10 +133,15 @@ class Value(Entry[object]):
     what: str = ""
     hidden: bool = False
     metavar: str | None = None
+    option: str = ""
 
     @property
     def tables(self) -> tuple[str, ...]:  # type: ignore[override]
         return (self.table,)
+
+    @property
+    def _option(self) -> str:
+        return self.option or self.key
 
     def known(self, key: str) -> bool:
         return key == self.key
@@ -155,15 +161,15 @@ class Value(Entry[object]):
 
     def options(self) -> Iterator[Option]:
         default = None if self.hidden else self.default
-        yield Option(self.key, self.about, default, self.metavar)
+        yield Option(self._option, self.about, default, self.metavar)
 
     def arguments(self, field: str) -> dict[str, str]:
         if isinstance(self.about.kind, SeriesKind):
-            return {self.key: f"{self.what}s"}  # as the calls have it, with a unit
-        return {self.key: f"{field}=True"} if isinstance(self.about.kind, Flag) else {}
+            return {self._option: f"{self.what}s"}  # as the calls have it, with a unit
+        return {self._option: f"{field}=True"} if isinstance(self.about.kind, Flag) else {}
 
     def take(self, options: MutableMapping[str, object]) -> object:
-        value = options.pop(self.key, None)
+        value = options.pop(self._option, None)
         if value is None:
             return MISSING
         return self.about.kind.read(self.what, value) if isinstance(self.about.kind, SeriesKind) else value

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from softmodels.case.case import Case
 
+ALIKE = ("solver",)
+"""Fields of a case that decide how its numbers are found, and not which."""
 MAY_GROW = ("pressures_cm", "volumes_ml", "strokes_ml", "program")
 """Fields of a case with the requested values: a run that is gone on with may be asked for more. They are checked apart."""
 
@@ -23,7 +25,7 @@ def identity(case: Case) -> dict[str, str]:
     Raises:
         CaseError: A file that the case names cannot be read.
     """
-    texts = dict(_texts("", case))
+    texts = {name: text for name, text in _texts("", case) if name not in ALIKE}
     for name, path in case.actuator.files.items():
         texts[f"actuator.{name}"] = f"SHA-256 {digest(path)}"
     return texts

@@ -20,7 +20,7 @@ from softmodels.cli.options import fail
 from softmodels.design.errors import DesignError
 from softmodels.design.problem import DesignProblem
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start
-from softmodels.results.outcomes import DONE, FAILED, NO_EQUILIBRIUM, NO_MEMORY, RunError
+from softmodels.results.outcomes import DONE, FAILED, NO_EQUILIBRIUM, RunError, no_memory
 from softmodels.results.state_words import StateWords
 from softmodels.runs.progress import Progress
 
@@ -132,8 +132,8 @@ def _design(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm,
         fail(str(error), FAILED)
     except PETSc.Error as error:
         fail(f"PETSc stopped ({petsc_reason(error)}); what was evaluated is kept, go on with --resume", FAILED)
-    except MemoryError:
-        fail(NO_MEMORY, FAILED)
+    except MemoryError as error:
+        fail(no_memory(error), FAILED)
     except (OwnFolderError, OSError) as error:
         fail(f"the designs cannot be written ({error}); go on with --resume", FAILED)
     return _close(result, folder, comm, quiet, options["no_pictures"])

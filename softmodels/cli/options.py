@@ -21,7 +21,7 @@ from softmodels.case.errors import INPUT_ERRORS, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.cli.case_options import CaseOptions, taken
 from softmodels.mechanics.mpi import StartError, speaks, start
-from softmodels.results.outcomes import FAILED, NO_MEMORY
+from softmodels.results.outcomes import FAILED, no_memory
 
 HELP = """Inflate {what} and write its whole load path.
 
@@ -176,8 +176,8 @@ def main(command: click.Command) -> None:
             fail("stopped by the user", STOPPED)
         except StartError as error:
             fail(str(error), error.status)
-        except MemoryError:
-            fail(NO_MEMORY, FAILED)
+        except MemoryError as error:
+            fail(no_memory(error), FAILED)
         except click.exceptions.NoArgsIsHelpError as error:
             print(error.format_message())
             sys.exit(2)

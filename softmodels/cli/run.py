@@ -24,7 +24,7 @@ from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
 from softmodels.mechanics.parts import PartError
-from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_MEMORY, RunError
+from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, RunError, no_memory
 from softmodels.results.state_words import state_words
 from softmodels.results.store import Results, ResultsError
 from softmodels.runs.failures import unwritten
@@ -135,7 +135,7 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
         case OSError():
             return FAILED, unwritten(error)
         case MemoryError():
-            return FAILED, NO_MEMORY
+            return FAILED, no_memory(error)
     return None
 
 

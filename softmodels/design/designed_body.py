@@ -82,6 +82,8 @@ class DesignedBody:
         b.array_w[:] = force
         bordered.solve(b, x)
         found = np.array(x.array_r)
+        if not bordered.inverse.exact:  # iterations have gone to their tolerance, with the state's own tangent
+            return found
         K.mult(x, b)
         b.array_w[:] = force - b.array_r
         bordered.solve(b, x)

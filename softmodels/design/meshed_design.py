@@ -97,7 +97,8 @@ class MeshedDesign:
             body = Body.from_file(device, file, comm)
             comm.barrier()
         with compiling():
-            solver = Solver(System(body, case.material, case.formulation, case.sheet, case.obstacle, case.parts))
+            system = System(body, case.material, case.formulation, case.sheet, case.obstacle, case.parts)
+            solver = Solver(system, case.solver)
             made = cls(DesignedBody(solver), question)
         try:
             if before is None or not made._taken_over(before):

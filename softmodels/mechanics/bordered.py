@@ -7,7 +7,8 @@
 K alone is factorised (LDL^T), whatever the control; the border is eliminated (Keller 1977; Chan 1984,
 doi 10.1137/0721019). The same factorisation serves as preconditioner of GMRES on the whole system for the Newton
 iterations that follow, and GMRES also returns the digits that elimination loses where K is nearly singular: at a limit
-point the whole system is regular although K is not.
+point the whole system is regular although K is not. A cycle of multigrid in the factorisation's place is bordered in the
+same way, with one more right side for each column: it need not be near K^-1 for that.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.callbacks import Shell
-from softmodels.mechanics.controls import Control
+from softmodels.mechanics.controls import Control, pressure_control
+from softmodels.mechanics.inverse import Inverse
 from softmodels.mechanics.mpi import owns_scalars, scalars_from_owner
 
 if TYPE_CHECKING:
@@ -27,8 +29,9 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
-"""MUMPS' INFOG(1) where it could not allocate, or where what it had allocated was too small (its guide, section 8)."""
+
+ITERATED = 1e-10
+"""Tolerance of the solves that stand for back-substitutions."""
 
 
 class Bordered:
@@ -37,16 +40,20 @@ class Bordered:
     Vectors of the whole system hold the body's unknowns, then on the last rank the pressure and those of held volumes.
 
     Args:
-        K: Tangent matrix (PETSc Mat, symmetric) to factorise; its values may change, its pattern may grow.
+        K: Tangent matrix (PETSc Mat, symmetric).
+        inverse: What stands for its inverse.
         product: ``product(x, y)`` puts the current tangent times x into y (local owned arrays). Where K was factorised at
             an earlier state, this is what makes the solution that of the present one.
         constraints: Number of held volumes.
+
+    Attributes:
+        factorisations: How often the inverse was set up.
     """
 
-    def __init__(self, K: PETSc.Mat, product: Callable[[Array, Array], None], constraints: int = 0):
+    def __init__(self, K: PETSc.Mat, inverse: Inverse, product: Callable[[Array, Array], None], constraints: int = 0):
         from petsc4py import PETSc
 
-        self.K, self.product, self.comm = K, product, K.comm.tompi4py()
+        self.K, self.inverse, self.product, self.comm = K, inverse, product, K.comm.tompi4py()
         self.n = K.getLocalSize()[0]
         self.scalars = 1 + constraints
         self.extra = self.scalars if owns_scalars(self.comm) else 0
@@ -59,29 +66,25 @@ class Bordered:
         )
         self.compliances = np.zeros((self.scalars, self.scalars))
         self.factorisations = 0
-        self._make_direct()
         self.shell = Shell(self.mult, self.apply)
         size = (self.n + self.extra, PETSc.DETERMINE)
         self.mat = PETSc.Mat().createPython((size, size), context=self.shell, comm=K.comm)
         self.mat.setUp()
+        self._iterations = self.precondition(PETSc.KSP().create(K.comm), ITERATED)
+        self._right, self._solution = self.vector(), self.vector()
 
-    def _make_direct(self) -> None:
-        """Make what factorises K with the pattern it has."""
+    def precondition(self, ksp: PETSc.KSP, tolerance: float) -> PETSc.KSP:
+        """Make a linear solver GMRES with the bordered inverse as preconditioner, to a relative tolerance."""
         from petsc4py import PETSc
 
-        direct = self._direct = PETSc.PC().create(self.K.comm)
-        direct.setOptionsPrefix("body_")
-        direct.setOperators(self.K, self.K)
-        direct.setType("cholesky")
-        direct.setFactorSolverType("mumps")
-        direct.setFactorSetUpSolverType()
-        direct.getFactorMatrix().setMumpsIcntl(13, 1)  # the last front too counts its negative pivots, on all ranks
-        direct.setFromOptions()
-        self._entries = self._count()
-
-    def _count(self) -> float:
-        """Entries of K, on all ranks."""
-        return float(self.K.getInfo()["nz_used"])
+        ksp.setType("gmres")
+        ksp.setGMRESRestart(self.inverse.restart)
+        ksp.setPCSide(PETSc.PC.Side.RIGHT)  # type: ignore[arg-type]
+        ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=self.inverse.most_iterations)
+        pc = ksp.getPC()
+        pc.setType("python")
+        pc.setPythonContext(self.shell)
+        return ksp
 
     @property
     def q(self) -> PETSc.Vec:
@@ -95,7 +98,9 @@ class Bordered:
 
     def release(self) -> None:
         """Destroy what PETSc holds; see `Solver.release`."""
-        for thing in (self._direct, self.mat, *self.columns, *self._lifted, self._r, self._y):
+        self.inverse.release()
+        of_all = (self._iterations, self._right, self._solution, self.mat)
+        for thing in (*of_all, *self.columns, *self._lifted, self._r, self._y):
             thing.destroy()
 
     def vector(self) -> PETSc.Vec:
@@ -114,31 +119,44 @@ class Bordered:
         return values[: self.n], scalars_from_owner(self.comm, np.array(values[self.n :]))
 
     def factorise(self) -> None:
-        """Factorise K as it is now.
+        """Factorise K as it is now, or set up what stands for its inverse.
 
         Raises:
-            MemoryError: On all ranks, if one has not enough. PETSc itself goes on with a preconditioner that is none.
+            MemoryError: On all ranks, if one has not enough.
         """
-        if self._count() != self._entries:  # contact has coupled more: PETSc would keep the analysis of the old pattern
-            self._direct.destroy()
-            self._make_direct()
-        self._direct.setReusePreconditioner(False)
-        self._direct.setUp()
-        if int(self._direct.getFactorMatrix().getMumpsInfog(1)) in OUT_OF_MEMORY:
-            raise MemoryError
-        self._direct.setReusePreconditioner(True)
+        self.inverse.set_up()
         self.factorisations += 1
         self.refresh()
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """x = K^-1 b with the factorisation at hand, among the motions that keep the held volumes."""
-        self._direct.apply(b, x)
+        """x = K^-1 b among the motions that keep the held volumes: with the factorisation at hand, or by iterations.
+
+        Iterations solve with the tangent of the state that is loaded.
+        """
+        if not self.inverse.exact:
+            self.iterate(b, x, ITERATED)
+            return
+        self.inverse.apply(b, x)
         if self.constraint_columns:
             opened = [column.dot(x) for column in self.constraint_columns]
             for pressure, lifted in zip(
                 np.linalg.solve(self.compliances[1:, 1:], opened), self._lifted[1:], strict=True
             ):
                 x.axpy(-pressure, lifted)
+
+    def iterate(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> int:
+        """The same by iterations to a relative tolerance; returns how many there were."""
+        control, self.control = self.control, pressure_control(0.0)
+        try:
+            self.join(self._right, b.array_r, np.zeros(self.scalars))
+            self.mat.assemble()
+            self._iterations.setOperators(self.mat)
+            self._iterations.setTolerances(rtol=tolerance)
+            self._iterations.solve(self._right, self._solution)
+        finally:
+            self.control = control
+        x.array_w[:] = self.split(self._solution)[0]
+        return self._iterations.getIterationNumber()
 
     def negative_eigenvalues(self) -> int:
         """Negative eigenvalues of the K that was factorised, on the motions that keep the held volumes.
@@ -147,12 +165,12 @@ class Bordered:
         eigenvalues of H^T K^-1 H (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5).
         """
         constrained = np.linalg.eigvalsh(self.compliances[1:, 1:]) if self.constraint_columns else np.empty(0)
-        return int(self._direct.getFactorMatrix().getMumpsInfog(12)) - int(np.count_nonzero(constrained < 0))
+        return self.inverse.negative_pivots() - int(np.count_nonzero(constrained < 0))
 
     def refresh(self) -> None:
         """Take up new columns: K^-1 times each with the factorisation at hand, and the compliances between them."""
         for column, lifted in zip(self.columns, self._lifted, strict=True):
-            self._direct.apply(column, lifted)
+            self.inverse.apply(column, lifted)
         self.compliances = np.array([[column.dot(lifted) for lifted in self._lifted] for column in self.columns])
 
     # PETSc calls these: of the matrix, and of the preconditioner.
@@ -170,7 +188,7 @@ class Bordered:
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         body, gaps = self.split(x)
         self._r.array_w[:] = body
-        self._direct.apply(self._r, self._y)
+        self.inverse.apply(self._r, self._y)
         a, rows = self.control.volume_coefficient, [self.row or self.q, *self.constraint_columns]
         matrix = self.compliances.copy()
         if self.row:

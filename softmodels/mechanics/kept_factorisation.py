@@ -13,11 +13,6 @@ from softmodels.mechanics.system import State, System
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
-MOST_ITERATIONS_OF_A_SOLVE = 25
-"""GMRES iterations in one solve after which the kept factorisation is replaced at once."""
-MOST_ITERATIONS_OF_A_FACTORISATION = 60
-"""GMRES iterations in all after which the next state gets a factorisation of its own."""
-
 
 class KeptFactorisation:
     """K of an earlier state, factorised: preconditioner of what is solved since.
@@ -34,10 +29,17 @@ class KeptFactorisation:
         self.age, self.worn = 0, False
 
     def make(self, base: State | None) -> None:
-        """Factorise the tangent of the current state, which is ``base`` or an iterate."""
-        self.system.assemble_tangent()
-        self.bordered.factorise()
-        self.age, self.base, self.worn = 0, base, False
+        """Factorise the tangent of the current state, which is ``base`` or an iterate.
+
+        What is no factorisation is set up anew only where it has aged: it knows no more of this state than of others.
+        """
+        if self.bordered.inverse.exact or self._aged or not self.bordered.factorisations:
+            self.system.assemble_tangent()
+            self.bordered.factorise()
+            self.age = 0
+        else:
+            self.bordered.refresh()
+        self.base, self.worn = base, False
 
     def set_columns(self) -> npt.NDArray[np.float64]:
         """Put the current state's loads in the border; each cavity's load of a unit pressure, shape (k, n)."""
@@ -49,14 +51,19 @@ class KeptFactorisation:
 
     def count(self, ksp: PETSc.KSP) -> None:
         """Take note of how much older a linear solve has made it."""
-        self.age += ksp.getIterationNumber()
-        self.worn = ksp.getIterationNumber() > MOST_ITERATIONS_OF_A_SOLVE
+        inverse, iterations = self.bordered.inverse, ksp.getIterationNumber()
+        self.age += inverse.wear(iterations, ksp.getTolerances()[0])
+        self.worn = iterations > inverse.most_of_a_solve
 
     def spoil(self) -> None:
         """Make it stale: what led here is no preconditioner to go on with."""
-        self.age = MOST_ITERATIONS_OF_A_FACTORISATION + 1
+        self.age = self.bordered.inverse.most_in_all + 1
+
+    @property
+    def _aged(self) -> bool:
+        return self.worn or self.age > self.bordered.inverse.most_in_all
 
     @property
     def stale(self) -> bool:
         """Whether a new one is due: it has aged, or was made at an iterate and not at a state."""
-        return self.base is None or self.age > MOST_ITERATIONS_OF_A_FACTORISATION
+        return self.base is None or self.age > self.bordered.inverse.most_in_all

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from softmodels.mechanics.callbacks import weakly
 from softmodels.mechanics.controls import Control, Curve, pressure_control
 from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.kept_factorisation import KeptFactorisation
+from softmodels.mechanics.methods import chosen
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.newton import LOOSEST, Newton, NoConvergence
 from softmodels.mechanics.system import State, System
@@ -51,34 +52,29 @@ class Solver:
 
     Args:
         system: The discrete equations. Its functions hold the state that was solved for or asked about last.
+        method: One of `METHODS`, how its linear systems are solved.
 
     Attributes:
+        method: The method that was taken.
         bordered: The linear system of Newton's method.
         kept: The factorisation that is kept over several solves.
     """
 
-    def __init__(self, system: System):
-        self.system = system
+    def __init__(self, system: System, method: str = "auto"):
+        self.system, self.method = system, chosen(system, method)
         self._make()
 
     def _make(self) -> None:
         from petsc4py import PETSc
 
         system = self.system
-        self.bordered = Bordered(system.K, weakly(system.tangent_product), len(system.coupling.constraints))
+        constraints = len(system.coupling.constraints)
+        self.bordered = Bordered(system.K, self.method.inverse(system), weakly(system.tangent_product), constraints)
         self.kept = KeptFactorisation(system, self.bordered)
         self.newton = Newton(system, self.bordered, self.kept)
+        self.bordered.precondition(self.newton.snes.getKSP(), LOOSEST)
         # Questions aside of the path have a solver of their own: its iterations do not count as the path's.
-        self._side = PETSc.KSP().create(system.comm)
-        right: Any = PETSc.PC.Side.RIGHT
-        for ksp, tolerance in ((self.newton.snes.getKSP(), LOOSEST), (self._side, TANGENT_TOLERANCE)):
-            ksp.setType("gmres")
-            ksp.setGMRESRestart(60)
-            ksp.setPCSide(right)
-            ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=60)
-            pc = ksp.getPC()
-            pc.setType("python")
-            pc.setPythonContext(self.bordered.shell)
+        self._side = self.bordered.precondition(PETSc.KSP().create(system.comm), TANGENT_TOLERANCE)
         self.newton.snes.setFromOptions()
         self._y = system.K.createVecRight()
 

@@ -17,18 +17,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.region_space import entries_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.lanczos import grown, lowest
-from softmodels.path.modes import Mode, ShiftInvert
+from softmodels.path.modes import Mode
+from softmodels.path.spectra import spectrum_of
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -39,11 +38,6 @@ ALWAYS = 6000
 """Unknowns up to which every point is factorised: it costs no more there than the iterations it saves."""
 NEAR = 0.4
 """Share of the lowest eigenvalue at the last factorised point below which a larger system is factorised too."""
-BLOCK = 4
-"""Modes of the last factorised point from which the lowest eigenvalue of a point without factorisation is found."""
-MOST_CORRECTIONS, CLOSE = 6, 5e-3
-"""Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
-error is about its square. A mode that does not get there in as many has the point factorised."""
 SINGULAR = 1e-6
 """Eigenvalue, in shares of the largest on the path, below which K is singular and the rest is rounding."""
 
@@ -87,7 +81,7 @@ class Stability:
         self.mass.assemble()
         self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]
-        self.constraints = entries_of(eq.space, 1) - eq.still_pressures if eq.mixed else 0
+        self.spectrum = spectrum_of(solver, self.M)
         self.start()
 
     @classmethod
@@ -121,7 +115,7 @@ class Stability:
         self.sense = self.M.createVecLeft()  # tells a mode from its opposite
         self.M.mult(self.seed, self.sense)
         self.reference = self.largest = self._guess = 0.0
-        self.modes: list[PETSc.Vec] = []
+        self.modes: Sequence[PETSc.Vec] = []
 
     # -- along a path -------------------------------------------------------------------------------------------------
 
@@ -130,7 +124,7 @@ class Stability:
         if self.unknowns <= ALWAYS or not self.modes or self.solver.system.unknowns.turns:
             return True
         try:
-            self._guess = self._corrected(state)
+            self._guess = self.spectrum.corrected(state, self.modes)
         except NoConvergence:
             return True
         return self._guess < NEAR * self.reference
@@ -139,15 +133,14 @@ class Stability:
         """Signature of the state that `wants` was asked of: of K as factorised there, or else with the number known before."""
         if not exact:
             return Signature(known, self._guess, exact=False)
-        return Signature(self.negative_eigenvalues(), self.lowest())
+        value = self.lowest()
+        return Signature(self.negative_eigenvalues(), value)
 
     def lowest(self) -> float:
         """Lowest eigenvalue of K as it is factorised; nan if it was not found to within its tolerance."""
         self.solver.system.unknowns.projected(self.mass, self.M)
         try:
-            value, self.modes = lowest(
-                self.solver.bordered.solve, self.M, self.seed, self.negative_eigenvalues(), BLOCK
-            )
+            value, self.modes = self.spectrum.lowest(self.modes, self.seed)
         except NoConvergence:
             self.modes = []
             return math.nan
@@ -170,50 +163,7 @@ class Stability:
 
     def negative_eigenvalues(self) -> int:
         """Negative eigenvalues of the factorised K beyond those of a stable one."""
-        return self.solver.bordered.negative_eigenvalues() - self.constraints
-
-    def _corrected(self, state: State) -> float:
-        """Lowest eigenvalue of a state without a factorisation of its own, from the modes of the last one that has.
-
-        Davidson's method: Rayleigh's quotient is made stationary over those modes and corrections of the lowest, each the
-        residual times the kept K^-1. Its error is quadratic in the mode's.
-
-        Raises:
-            NoConvergence: The mode changes too much between the two states.
-        """
-        eq, M = self.solver.system, self.M
-        eq.load(state)
-        basis: list[PETSc.Vec] = []
-        products: list[PETSc.Vec] = []
-        images: list[PETSc.Vec] = []
-        new, before = list(self.modes), np.empty(0)
-        A = C = np.empty((0, 0))
-        for _ in range(MOST_CORRECTIONS):
-            for x in new:
-                Kx, Mx = M.createVecLeft(), M.createVecLeft()
-                eq.tangent_product(x.array_r, Kx.array_w)
-                M.mult(x, Mx)
-                basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
-                A, C = grown(A, Kx.mDot(basis)), grown(C, Mx.mDot(basis))
-            values, vectors = scipy.linalg.eigh(A, C)
-            # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
-            likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
-            chosen = int(np.argmax(likeness))
-            value, before = float(values[chosen]), vectors[:, chosen]
-            shares = [float(share) for share in before]
-            residual, correction = M.createVecLeft(), M.createVecRight()
-            residual.maxpy(shares, products)
-            residual.maxpy([-value * share for share in shares], images)
-            self.solver.bordered.solve(residual, correction)
-            M.mult(correction, residual)
-            size = max(correction.dot(residual), 0.0) ** 0.5
-            if size <= CLOSE:
-                return value
-            if not math.isfinite(size):
-                break
-            correction.scale(1 / size)
-            new = [correction]
-        raise NoConvergence("the lowest mode changes too much without a factorisation")
+        return self.spectrum.negative_eigenvalues
 
     # -- at one state -------------------------------------------------------------------------------------------------
 
@@ -233,33 +183,8 @@ class Stability:
     def _pairs(self, count: int) -> list[tuple[float, Array]]:
         """`eigenpairs` of K as it is factorised."""
         self.solver.system.unknowns.projected(self.mass, self.M)
-        from petsc4py import PETSc
-        from slepc4py import SLEPc
-
-        eq = self.solver.system
-        solver = SLEPc.EPS().create(eq.comm)
-        # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
-        # constraint's infinite eigenvalues are zeros here, far from those wanted.
-        solver.setOperators(ShiftInvert.matrix(self.solver.bordered.solve, self.M))
-        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
-        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
-        solver.setDimensions(count, max(2 * count + 8, 16))
-        solver.setTolerances(1e-10, 200)
-        solver.setInitialSpace([self.seed])
-        try:
-            solver.solve()
-        except (PETSc.Error, SystemError) as error:  # SLEPc's own errors come as either
-            raise NoConvergence("the modes of the tangent were not found") from error
-        pairs = []
-        vector = eq.K.createVecRight()
-        for i in range(solver.getConverged()):
-            inverse = solver.getEigenpair(i, vector)
-            pairs.append((1 / inverse.real, self._mode(vector)))
-        solver.destroy()
-        if not pairs:
-            raise NoConvergence("the modes of the tangent were not found")
-        pairs.sort(key=lambda pair: pair[0])
-        return pairs
+        pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count, self.seed)]
+        return sorted(pairs, key=lambda pair: pair[0])
 
     def _mode(self, vector: PETSc.Vec) -> Array:
         from dolfinx import fem

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from measurement.wording import Spoken
+from softmodels.mechanics.memory import TooLargeError
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
 
 NO_MEMORY = "the machine's memory is full; use a larger --cell-size, or a smaller slice of the device"
+
+
+def no_memory(error: MemoryError) -> str:
+    """The sentence of a memory that is full, or would be."""
+    return str(error) if isinstance(error, TooLargeError) else NO_MEMORY
 
 
 class RunError(Spoken, RuntimeError):

@@ -9,7 +9,7 @@ from pathlib import Path
 from measurement.output_place import FULL
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.mpi import petsc_reason
-from softmodels.results.outcomes import NO_MEMORY, RunError
+from softmodels.results.outcomes import RunError, no_memory
 
 
 def unwritten(error: OSError) -> str:
@@ -38,7 +38,7 @@ def sentences(of_the_disk: Callable[[OSError], str] = no_mesh) -> Iterator[None]
     except PETSc.Error as error:
         raise RunError(f"PETSc stopped ({petsc_reason(error)})") from error
     except MemoryError as error:
-        raise RunError(NO_MEMORY) from error
+        raise RunError(no_memory(error)) from error
     except TimeoutError as error:
         raise RunError(LONG) from error
     except OSError as error:

@@ -36,6 +36,7 @@ class Options(TypedDict, total=False):
     name: str
     control: str
     formulation: str
+    solver: str
     sheet: Sheet
     obstacle: Obstacle
     parts: Sequence[Part]

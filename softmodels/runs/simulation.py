@@ -109,7 +109,7 @@ class Simulation:
             self.body = Body.from_file(case.actuator, file, self.comm)
             with compiling():
                 system = System(self.body, case.material, case.formulation, case.sheet, case.obstacle, case.parts)
-                self.solver = Solver(system)
+                self.solver = Solver(system, case.solver)
                 self.fields = Fields(self.solver, case.gauges)
                 self._band = self._make_band()
             self.beginning = Beginning(case, self.solver, say)
@@ -131,6 +131,8 @@ class Simulation:
         unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
         cells = topology.index_map(topology.dim).size_global
         say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
+        if told := self.solver.method.told:
+            say(told)
         if abs(error := self.solver.system.volume_error) > COARSE:
             kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
             say(

@@ -139,7 +139,7 @@ def test_wrong_case_files_are_refused_by_name_and_value(text, words, tmp_path):
         ("sheet", "stiffness"), ("sheet", "face"), ("supply", "syringe"), ("supply", "gas"), ("supply", "leak_per_m3"),
         ("supply", "dead_volume"), ("supply", "kind"), ("contact", "stiffness"), ("contact", "faces"), ("contact", "plane"),
         ("geometry", "membrane"), ("geometry", "order"), ("geometry", "support"), ("material", "poisson"),
-        ("load", "water_density"), ("load", "control"), ("load", "cycle"), ("solver", "formulation"),
+        ("load", "water_density"), ("load", "control"), ("load", "cycle"), ("solver", "formulation"), ("solver", "method"),
     ],
 )  # fmt: skip
 def test_what_is_no_number_or_word_is_a_sentence(table, key, value):

@@ -89,6 +89,7 @@ OTHERS = {
     "--membrane": ["--membrane", "argument"],
     "--control speed": ["--control", "'speed'", "volume"],
     "--formulation stress": ["--formulation", "'stress'", "mixed"],
+    "--solver stress": ["--solver", "'stress'", "iterative"],
     "177": ["'177'", "argument"],
     "-- -options_file none.petsc": ["-options_file", "none.petsc"],
 }

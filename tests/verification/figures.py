@@ -69,7 +69,23 @@ def figures(
     found["pair, one volume held and then changed"] = program(comm, pair)
     found["design, values and gradients"] = design(comm)
     found["section under its weight and a force"] = loaded(comm, section)
+    found["wedge by iterations"] = iterated(comm, wedge)
     return found
+
+
+def iterated(comm, wedge: Path) -> list[float]:
+    """Volume, compliance, energy and lowest eigenvalue of a state that the iterative solver finds."""
+    from softmodels.materials.laws import NeoHookean
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.controls import pressure_control
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
+    from softmodels.path.stability import Stability
+
+    solver = Solver(System(Body.from_file(WEDGE, wedge, comm), NeoHookean(30e3, 0.49)), "iterative")
+    state = solver.solve(pressure_control(0.1), solver.system.rest().w, 0.1)
+    compliance = solver.tangent(state, pressure_control(0.1), 1e-9).compliance
+    return [state.V, compliance, solver.system.stored_energy(), Stability.of(solver).signature(exact=True).lowest]
 
 
 def loaded(comm, section: Path) -> list[float]:

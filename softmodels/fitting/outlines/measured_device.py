@@ -37,6 +37,7 @@ class MeasuredDevice:
         sheet: A sheet bonded to one of its faces.
         obstacle: A plane that it comes to rest on.
         parts: What else is added to it.
+        solver: See `softmodels.case.case.Case`.
     """
 
     actuator: Actuator
@@ -46,6 +47,7 @@ class MeasuredDevice:
     sheet: Sheet | None = None
     obstacle: Obstacle | None = None
     parts: tuple[Part, ...] = ()
+    solver: str = "auto"
 
     @classmethod
     def of(cls, device: Actuator | Case | MeasuredDevice) -> MeasuredDevice:
@@ -58,7 +60,7 @@ class MeasuredDevice:
                     f"the case has a {loads[0].where}, and a fit begins every device from its undeformed state; leave it out"
                 )
             case, section = device, as_section(device.actuator)
-            around = (case.sheet, case.obstacle, case.parts)
+            around = (case.sheet, case.obstacle, case.parts, case.solver)
             return cls(section, case.name, case.material, case.formulation, *around)
         return cls(as_section(device), device.name)
 
@@ -81,7 +83,8 @@ class MeasuredDevice:
                 body = Body.from_file(self.actuator, mesh, comm)
                 material = choice.material(choice.from_modulus(30e3))
                 around = (self.sheet, self.obstacle, self.parts)
-                return DeviceModel(Solver(System(body, material, self.formulation, *around)), choice)
+                system = System(body, material, self.formulation, *around)
+                return DeviceModel(Solver(system, self.solver), choice)
         except (BodyError, CompilingError, PartError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:

@@ -1,0 +1,50 @@
+"""What stands for the inverse of the tangent K: a factorisation, or a cycle of multigrid."""
+
+from __future__ import annotations
+
+import abc
+from typing import TYPE_CHECKING, ClassVar
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+
+class Inverse(abc.ABC):
+    """A linear map near K^-1 of the K that it was set up for, and how long it is worth keeping.
+
+    Attributes:
+        exact: Whether it is K^-1 itself, and knows K's inertia.
+        most_of_a_solve: Iterations of the linear solver in one solve after which it is replaced at once.
+        most_in_all: Wear after which the next state gets one of its own; see `wear`.
+        restart, most_iterations: Of the linear solver that it preconditions.
+    """
+
+    exact: ClassVar[bool]
+    most_of_a_solve: ClassVar[int]
+    most_in_all: ClassVar[int]
+    restart: ClassVar[int]
+    most_iterations: ClassVar[int]
+
+    @abc.abstractmethod
+    def set_up(self) -> None:
+        """Take K as it is now.
+
+        Raises:
+            MemoryError: On all ranks, if one has not enough.
+        """
+
+    @abc.abstractmethod
+    def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Put its product with b into x."""
+
+    @abc.abstractmethod
+    def negative_pivots(self) -> int:
+        """Negative eigenvalues of the K that it was set up for; of an exact one alone."""
+
+    def wear(self, iterations: int, tolerance: float) -> int:
+        """How much older a solve to a relative tolerance has made it, in iterations."""
+        return iterations
+
+    @abc.abstractmethod
+    def release(self) -> None:
+        """Destroy what PETSc holds."""

@@ -1,0 +1,105 @@
+"""How a device's linear systems are solved, chosen in one place: by a factorisation, or by iterations with multigrid.
+
+A factorisation takes memory that grows faster than the model (as n^(4/3) in three dimensions), iterations what grows as it
+does. Both are known before they are allocated: the first from MUMPS' analysis, the second from the matrix' entries.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from softmodels.mechanics.factorisation import Factorisation
+from softmodels.mechanics.inverse import Inverse
+from softmodels.mechanics.memory import GIGA, TooLargeError, available, needed
+from softmodels.mechanics.multigrid import Multigrid
+from softmodels.mechanics.parts import Part, PartError
+from softmodels.mechanics.rigid import Rigid
+
+if TYPE_CHECKING:
+    from softmodels.mechanics.system import System
+
+METHODS = ("auto", "direct", "iterative")
+LARGE = 40_000
+"""Unknowns from which memory is looked at before it is taken; smaller models fit into any machine."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """What was chosen.
+
+    Attributes:
+        name: ``"direct"`` or ``"iterative"``.
+        memory: Estimate of what it takes beside the model itself, bytes on all ranks; 0 if it was not looked at.
+        why: Why it is not the other one, a clause; empty where that was not asked.
+    """
+
+    name: str
+    memory: float = 0.0
+    why: str = ""
+
+    @property
+    def told(self) -> str:
+        """What a user wants to know of it; empty where nothing was decided."""
+        if not self.memory:
+            return ""
+        how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
+        return f"linear equations: {how}, about {self.memory / GIGA:.2g} GB" + (f" ({self.why})" if self.why else "")
+
+    def inverse(self, system: System) -> Inverse:
+        """What stands for the inverse of a system's tangent."""
+        return Multigrid(system) if self.name == "iterative" else Factorisation(system.K)
+
+
+def check_method(method: str, parts: Sequence[Part]) -> None:
+    """Refuse what the iterative solver cannot do.
+
+    Raises:
+        PartError: A rigid part, with the iterative solver asked for.
+    """
+    for part in parts:
+        if method == "iterative" and isinstance(part, Rigid):
+            raise PartError(
+                f"{part.where}: the iterative solver knows no rigid parts; use --solver direct, or leave the part out"
+            )
+
+
+def chosen(system: System, method: str) -> Method:
+    """The method that is taken where this one is asked for.
+
+    Args:
+        system: What is to be solved; large ones are assembled at rest and analysed.
+        method: One of `METHODS`.
+
+    Raises:
+        TooLargeError: The machine's memory holds neither, or not the one asked for.
+        PartError: See `check_method`.
+        ValueError: No such method.
+    """
+    if method not in METHODS:
+        raise ValueError(f"solver {method!r} is not one of {', '.join(METHODS)}")
+    rigid = bool(system.unknowns.moving) or system.still_pressures > 0
+    if method == "iterative" and rigid:
+        raise PartError("the iterative solver knows no rigid parts; use --solver direct, or leave the part out")
+    unknowns = system.K.getSize()[0]
+    if unknowns < LARGE:
+        return Method("direct" if method == "auto" else method)
+    system.rest()
+    system.assemble_tangent()
+    room = available(system.comm)
+    direct, iterative = (needed(system.comm, own) for own in (Factorisation.memory(system.K), Multigrid.memory(system)))
+    fits = {"direct": direct[0] <= room, "iterative": iterative[0] <= room and not rigid}
+    told = f"about {direct[1] / GIGA:.2g} GB, where {room * system.comm.size / GIGA:.2g} GB are free"
+    if fits["direct"] and method != "iterative":
+        return Method("direct", direct[1])
+    if fits["iterative"] and method != "direct":
+        why = f"a factorisation would take {told}" if method == "auto" else ""
+        return Method("iterative", iterative[1], why)
+    least = iterative if method == "iterative" else direct
+    advice = ", or --solver iterative" if fits["iterative"] else ""
+    raise TooLargeError(
+        f"the model has {unknowns} unknowns, and the solution of its equations would take about {least[1] / GIGA:.2g} GB "
+        f"of memory, where {room * system.comm.size / GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "
+        f"the device{advice}"
+    )

@@ -1,0 +1,207 @@
+"""The lowest eigenvalues of a device's tangent, by its factorisation where there is one and else by iterations."""
+
+from __future__ import annotations
+
+import abc
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.region_space import entries_of
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import State
+from softmodels.path.davidson import Pencil, nearest
+from softmodels.path.lanczos import grown, lowest
+from softmodels.path.modes import ShiftInvert
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+BLOCK = 4
+"""Modes of the last factorised point from which the lowest eigenvalue of a point without factorisation is found."""
+MOST_CORRECTIONS, CLOSE = 6, 5e-3
+"""Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
+error is about its square. A mode that does not get there in as many has the point factorised."""
+LOWEST, OTHERS, LOCATED = 1e-4, 5e-2, 1e-5
+"""Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
+of all where a bifurcation is located."""
+
+
+class Spectrum(abc.ABC):
+    """Lowest eigenvalues of a solver's K x = lambda M x.
+
+    Args:
+        solver: The device.
+        M: Mass matrix by its unknowns; its values may change.
+    """
+
+    def __init__(self, solver: Solver, M: PETSc.Mat):
+        self.solver, self.M = solver, M
+
+    @property
+    @abc.abstractmethod
+    def negative_eigenvalues(self) -> int:
+        """Negative eigenvalues of the K that was factorised, or looked at, last."""
+
+    @abc.abstractmethod
+    def lowest(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> tuple[float, list[PETSc.Vec]]:
+        """The lowest eigenvalue at the state that K was factorised at, its mode, and approximations of the next ones.
+
+        Args:
+            modes: Those of a state near by; may be none.
+            seed: A vector with a part of every mode.
+
+        Raises:
+            NoConvergence: It was not found.
+        """
+
+    @abc.abstractmethod
+    def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
+        """Lowest eigenvalue of another state, from modes of the last one, without a factorisation of its own.
+
+        Raises:
+            NoConvergence: The mode changes too much between the two states.
+        """
+
+    @abc.abstractmethod
+    def pairs(self, count: int, seed: PETSc.Vec) -> list[tuple[float, PETSc.Vec]]:
+        """At least so many eigenvalues nearest zero with their vectors, at the state that K was factorised at.
+
+        Raises:
+            NoConvergence: They were not found.
+        """
+
+
+def spectrum_of(solver: Solver, M: PETSc.Mat) -> Spectrum:
+    """The eigenvalues of a device, found as its linear systems are solved."""
+    return (Factorised if solver.bordered.inverse.exact else Iterated)(solver, M)
+
+
+class Factorised(Spectrum):
+    """By Lanczos' method on K^-1 M, and K's inertia."""
+
+    def __init__(self, solver: Solver, M: PETSc.Mat):
+        super().__init__(solver, M)
+        eq = solver.system
+        self.constraints = entries_of(eq.space, 1) - eq.still_pressures if eq.mixed else 0
+
+    @property
+    def negative_eigenvalues(self) -> int:
+        return self.solver.bordered.negative_eigenvalues() - self.constraints
+
+    def lowest(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> tuple[float, list[PETSc.Vec]]:
+        return lowest(self.solver.bordered.solve, self.M, seed, self.negative_eigenvalues, BLOCK)
+
+    def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
+        """See `Spectrum.corrected`.
+
+        Davidson's method: Rayleigh's quotient is made stationary over those modes and corrections of the lowest, each the
+        residual times the kept K^-1. Its error is quadratic in the mode's.
+        """
+        eq, M = self.solver.system, self.M
+        eq.load(state)
+        basis: list[PETSc.Vec] = []
+        products: list[PETSc.Vec] = []
+        images: list[PETSc.Vec] = []
+        new, before = list(modes), np.empty(0)
+        A = C = np.empty((0, 0))
+        for _ in range(MOST_CORRECTIONS):
+            for x in new:
+                Kx, Mx = M.createVecLeft(), M.createVecLeft()
+                eq.tangent_product(x.array_r, Kx.array_w)
+                M.mult(x, Mx)
+                basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
+                A, C = grown(A, Kx.mDot(basis)), grown(C, Mx.mDot(basis))
+            values, vectors = scipy.linalg.eigh(A, C)
+            # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
+            likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
+            chosen = int(np.argmax(likeness))
+            value, before = float(values[chosen]), vectors[:, chosen]
+            shares = [float(share) for share in before]
+            residual, correction = M.createVecLeft(), M.createVecRight()
+            residual.maxpy(shares, products)
+            residual.maxpy([-value * share for share in shares], images)
+            self.solver.bordered.solve(residual, correction)
+            M.mult(correction, residual)
+            size = max(correction.dot(residual), 0.0) ** 0.5
+            if size <= CLOSE:
+                return value
+            if not math.isfinite(size):
+                break
+            correction.scale(1 / size)
+            new = [correction]
+        raise NoConvergence("the lowest mode changes too much without a factorisation")
+
+    def pairs(self, count: int, seed: PETSc.Vec) -> list[tuple[float, PETSc.Vec]]:
+        from petsc4py import PETSc
+        from slepc4py import SLEPc
+
+        eq = self.solver.system
+        solver = SLEPc.EPS().create(eq.comm)
+        # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
+        # constraint's infinite eigenvalues are zeros here, far from those wanted.
+        solver.setOperators(ShiftInvert.matrix(self.solver.bordered.solve, self.M))
+        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
+        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+        solver.setDimensions(count, max(2 * count + 8, 16))
+        solver.setTolerances(1e-10, 200)
+        solver.setInitialSpace([seed])
+        try:
+            solver.solve()
+        except (PETSc.Error, SystemError) as error:  # SLEPc's own errors come as either
+            raise NoConvergence("the modes of the tangent were not found") from error
+        found = []
+        for i in range(solver.getConverged()):
+            vector = eq.K.createVecRight()
+            found.append((1 / solver.getEigenpair(i, vector).real, vector))
+        solver.destroy()
+        if not found:
+            raise NoConvergence("the modes of the tangent were not found")
+        return found
+
+
+class Iterated(Spectrum):
+    """By Davidson's method, from state to state: an eigenvalue changes its sign only where it is among those nearest zero."""
+
+    def __init__(self, solver: Solver, M: PETSc.Mat):
+        super().__init__(solver, M)
+        self._negative = 0
+
+    @property
+    def negative_eigenvalues(self) -> int:
+        return self._negative
+
+    def _pencil(self) -> Pencil:
+        solver = self.solver
+
+        def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
+            solver.system.tangent_product(x.array_r, y.array_w)
+
+        return Pencil(product, self.M, solver.bordered.iterate)
+
+    def _start(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> Sequence[PETSc.Vec]:
+        """Where a search begins: with the modes known, or in the range of K^-1 M."""
+        if modes:
+            return modes
+        image, lifted = self.M.createVecLeft(), self.M.createVecRight()
+        self.M.mult(seed, image)
+        self.solver.bordered.iterate(image, lifted, OTHERS)
+        return [lifted]
+
+    def lowest(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> tuple[float, list[PETSc.Vec]]:
+        tolerances = [LOWEST, *[OTHERS] * (BLOCK - 1)]
+        found = nearest(self._pencil(), self._start(modes, seed), tolerances)
+        self._negative = found.negative
+        return float(found.values[0]), found.vectors
+
+    def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
+        raise NoConvergence("every state is looked at for itself: that costs a few solves")
+
+    def pairs(self, count: int, seed: PETSc.Vec) -> list[tuple[float, PETSc.Vec]]:
+        found = nearest(self._pencil(), self._start((), seed), [LOCATED] * count)
+        self._negative = found.negative
+        return list(zip(map(float, found.values), found.vectors, strict=True))

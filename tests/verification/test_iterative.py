@@ -1,0 +1,83 @@
+"""The iterative solver against the direct one: same states, same limit point, same stability."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from geometries import HollowDisk
+from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics import memory, methods
+from softmodels.mechanics.memory import TooLargeError
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.points import PathEnd
+
+DIRECT = "the direct solver"
+LAW = NeoHookean(30e3, 0.49)
+WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
+SECTION = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
+PRESSURES = [0.05, 0.2]
+
+
+def followed(solver, goals):
+    """All points of a path, up to its end."""
+    points = []
+    with contextlib.suppress(PathEnd):
+        points.extend(trace(Continuation(solver), goals))
+    return points
+
+
+@pytest.fixture(scope="module")
+def paths(body_of):
+    """Return a function that follows a device by both solvers."""
+
+    def both(device, law, goals):
+        made = [Solver(System(body_of(device), law), method) for method in ("direct", "iterative")]
+        return made, [followed(solver, goals) for solver in made]
+
+    return both
+
+
+def test_wedge_through_its_pressures(paths, figure):
+    solvers, found = paths(WEDGE, LAW, PRESSURES)
+    assert [solver.method.name for solver in solvers] == ["direct", "iterative"]
+    assert solvers[1].bordered.factorisations == 1, "its set-up serves the whole path"
+    one, other = ([point.state for point in points if point.requested] for points in found)
+    assert [state.P for state in one] == [state.P for state in other] == PRESSURES
+    figure(DIRECT, "volumes of a wedge by iterations", [b.V / a.V - 1 for a, b in zip(one, other, strict=True)], 1e-9)
+    apart = [np.abs(b.w - a.w).max() / np.abs(a.w).max() for a, b in zip(one, other, strict=True)]
+    figure(DIRECT, "displacements and pressures of a wedge by iterations", apart, 1e-8)
+
+
+def test_section_past_its_limit(paths, figure):
+    _, found = paths(SECTION, NeoHookean(20e3, 0.495), [0.1, 3.0])
+    one, other = (next(point.state for point in points if point.limit) for points in found)
+    figure(DIRECT, "pressure at a limit point by iterations", other.P / one.P - 1, 1e-8)
+    one, other = (next(point for point in points if point.requested) for points in found)
+    figure(DIRECT, "volume of a section by iterations", other.state.V / one.state.V - 1, 1e-8)
+    apart = other.signature.lowest / one.signature.lowest - 1
+    figure(DIRECT, "lowest eigenvalue by iterations", apart, 1e-6)
+    counts = [[point.signature.negative_eigenvalues for point in points] for points in found]
+    assert [count[-1] for count in counts] == [1, 1] and not any(counts[0][:-1] + counts[1][:-1])
+
+
+def test_model_that_does_not_fit(body_of, monkeypatch):
+    """It is given to the iterative solver where that one fits, and refused with the estimate before anything is solved."""
+    monkeypatch.setattr(methods, "LARGE", 0)
+    system = System(body_of(WEDGE), LAW)
+    both = [methods.chosen(system, method) for method in ("auto", "direct", "iterative")]
+    assert [method.name for method in both] == ["direct", "direct", "iterative"]
+    direct, iterative = both[0].memory, both[2].memory
+    monkeypatch.setattr(memory, "free", lambda: 0.5 * min(direct, iterative))
+    for method, taken in (("auto", direct), ("direct", direct), ("iterative", iterative)):
+        with pytest.raises(TooLargeError, match=f"{taken / 1e9:.2g} GB of memory, where .* GB are free"):
+            methods.chosen(system, method)
+    monkeypatch.setattr(methods.Multigrid, "memory", lambda system: 0.1 * min(direct, iterative))
+    switched = methods.chosen(system, "auto")
+    assert switched.name == "iterative" and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.told
+    with pytest.raises(TooLargeError, match="or --solver iterative"):
+        methods.chosen(system, "direct")
