@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-COARSE = 0.02
+COARSE = 0.01
 """Error of the cavity's volume by its mesh from which it is warned of."""
 FEWEST_STEPS = 12
 """At least this many steps to the last requested value, for curves worth drawing."""
@@ -136,7 +136,8 @@ class Simulation:
         if abs(error := self.solver.system.volume_error) > COARSE:
             kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
             say(
-                f"warning: the cavity of the mesh has {amount} {kind} volume than the device's: its curves need smaller cells"
+                f"warning: the cavity of the mesh has {amount} {kind} volume than the device's: its curves need smaller cells, "
+                "or a face around the air is not among its walls"
             )
         if weak := weakness(self.case.material):
             say(f"warning: {weak}; states stretched further are not the silicone's")
