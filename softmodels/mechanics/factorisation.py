@@ -28,6 +28,7 @@ class Factorisation(Inverse):
     exact = True
     most_of_a_solve = 25
     most_in_all = 60
+    most_newton = 15
     restart = most_iterations = 60
 
     def __init__(self, K: PETSc.Mat):

@@ -16,12 +16,14 @@ class Inverse(abc.ABC):
         exact: Whether it is K^-1 itself, and knows K's inertia.
         most_of_a_solve: Iterations of the linear solver in one solve after which it is replaced at once.
         most_in_all: Wear after which the next state gets one of its own; see `wear`.
+        most_newton: Iterations of Newton's method after which a shorter step costs less.
         restart, most_iterations: Of the linear solver that it preconditions.
     """
 
     exact: ClassVar[bool]
     most_of_a_solve: ClassVar[int]
     most_in_all: ClassVar[int]
+    most_newton: ClassVar[int]
     restart: ClassVar[int]
     most_iterations: ClassVar[int]
 

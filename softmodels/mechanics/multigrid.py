@@ -11,6 +11,7 @@ w = B u, so the rigid motions are turned by B too: without that iterations tripl
 from __future__ import annotations
 
 import itertools
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,8 @@ OPTIONS = {
 """PETSc's options of the cycle; those that the user gives under the same prefix stand."""
 
 
+TIGHT = 1e-4
+"""Tolerance from which on a solve shows how much a cycle has aged."""
 PER_ENTRY = 60
 """Bytes per entry of K: its blocks, their products on coarser levels, and what is needed while these are made."""
 PER_UNKNOWN = 100
@@ -50,13 +53,14 @@ class Multigrid(Inverse):
     """
 
     exact = False
-    most_of_a_solve = 200
-    most_in_all = 40
-    restart, most_iterations = 80, 400
+    most_of_a_solve = 150
+    most_in_all = 12
+    most_newton = 9
+    restart, most_iterations = 80, 200
 
     def __init__(self, system: System):
         self.system, self.K = system, system.K
-        self._entries = 0.0
+        self._entries = self._fresh = 0.0
         self._make_fields()
         self._make_weights()
         self._blocks: tuple[PETSc.Mat, PETSc.Mat | None] | None = None
@@ -119,6 +123,7 @@ class Multigrid(Inverse):
         self._cycle.setReusePreconditioner(False)
         self._cycle.setUp()
         self._cycle.setReusePreconditioner(True)
+        self._fresh = 0.0
 
     def _make_cycle(self, K_uu: PETSc.Mat) -> None:
         """Make multigrid for the displacements' block, with what it is told of rigid motions."""
@@ -189,7 +194,13 @@ class Multigrid(Inverse):
         found[self._u] = self._x.array_r
 
     def wear(self, iterations: int, tolerance: float) -> int:
-        return 0
+        """Iterations beyond those of the first solve after a set-up, of tight solves: loose ones tell little."""
+        if tolerance > TIGHT:
+            return 0
+        rate = iterations / -math.log10(tolerance)
+        if not self._fresh:
+            self._fresh = rate
+        return max(0, round((rate - self._fresh) * -math.log10(tolerance)))
 
     def negative_pivots(self) -> int:
         raise NotImplementedError("a cycle of multigrid does not know K's inertia")

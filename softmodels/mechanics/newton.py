@@ -23,7 +23,6 @@ Array = npt.NDArray[np.float64]
 TOLERANCE = 1e-9  # residual against the load of the cavity pressure
 FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance any finer
 ROUNDING = 1000.0  # tolerances at which a residual that falls no further is taken for rounding
-MOST_ITERATIONS = 15
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
 TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
 
@@ -82,7 +81,8 @@ class Newton:
         reason: Any = self.snes.getConvergedReason()  # an int, whatever its stub has
         if reason <= 0:
             self.kept.spoil()
-            raise NoConvergence(_REASONS.get(reason, f"PETSc's reason {reason}"))
+            why = _REASONS.get(reason, f"PETSc's reason {reason}")
+            raise NoConvergence(why.format(most=self.bordered.inverse.most_newton))
         return self._take_iterate(self.x)
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> Array:
@@ -179,7 +179,7 @@ class Newton:
         settled = iteration >= 2 and residual > 0.5 * self._before and residual <= ROUNDING * tolerance
         if residual <= tolerance or settled:
             return reasons.CONVERGED_FNORM_ABS
-        if iteration >= MOST_ITERATIONS:
+        if iteration >= self.bordered.inverse.most_newton:
             return reasons.DIVERGED_MAX_IT
         loosest = self._loosest()
         if iteration >= 3 and residual > 1e3 * LOOSEST / loosest * self._first:
@@ -203,6 +203,6 @@ class Newton:
 _REASONS = {
     -3: "the linear solver failed",
     -4: "the residual is not a number",
-    -5: f"no convergence in {MOST_ITERATIONS} iterations",
+    -5: "no convergence in {most} iterations",
     -9: "the residual grew a thousandfold",
 }

@@ -109,7 +109,8 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
         pencil: K and M.
         start: Vectors near the modes, or one with a part of each, in the range of K^-1 M.
         tolerances: Of the residual K^-1 (K x - lambda M x), length in the norm of M, for the lowest eigenvalue, the next,
-            and so on; as many are looked for. An eigenvalue's error is about the residual's square.
+            and so on; as many are looked for. An eigenvalue's error is about the residual's square. Infinite for one that
+            is taken as the start's vectors have it.
 
     Raises:
         NoConvergence: A residual did not fall below its tolerance.
@@ -127,9 +128,11 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
             space.cut(shares[:, [*chosen, *near[:count]]])
             continue
         here = values[chosen]
-        slack = max(tolerances) ** 2 * np.abs(here).max()
+        slack = max(filter(math.isfinite, tolerances)) ** 2 * np.abs(here).max()
         while found and abs(found[-1] - here[len(found) - 1]) > slack:  # a lower one has come up since
             found.pop()
+        while len(found) < len(chosen) >= count and math.isinf(tolerances[min(len(found), count - 1)]):
+            found.append(here[len(found)])
         if len(found) == len(chosen) >= count:
             return Modes(here, [space.combined(column, space.x) for column in shares[:, chosen].T])
         place = min(len(found), len(chosen) - 1)

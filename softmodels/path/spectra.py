@@ -26,7 +26,7 @@ BLOCK = 4
 MOST_CORRECTIONS, CLOSE = 6, 5e-3
 """Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
 error is about its square. A mode that does not get there in as many has the point factorised."""
-LOWEST, OTHERS, LOCATED = 1e-4, 5e-2, 1e-5
+LOWEST, OTHERS, LOCATED = 1e-3, 5e-2, 1e-5
 """Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
 of all where a bifurcation is located."""
 
@@ -169,7 +169,10 @@ class Iterated(Spectrum):
 
     def __init__(self, solver: Solver, M: PETSc.Mat):
         super().__init__(solver, M)
-        self._negative = 0
+        self._negative = self._turn = 0
+        self._before: list[
+            PETSc.Vec
+        ] = []  # the lowest mode of the state before the last: with its own the two foretell
 
     @property
     def negative_eigenvalues(self) -> int:
@@ -194,8 +197,12 @@ class Iterated(Spectrum):
 
     def lowest(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> tuple[float, list[PETSc.Vec]]:
         tolerances = [LOWEST, *[OTHERS] * (BLOCK - 1)]
-        found = nearest(self._pencil(), self._start(modes, seed), tolerances)
-        self._negative = found.negative
+        if modes:  # one of the others in turn
+            self._turn = self._turn % (BLOCK - 1) + 1
+            tolerances = [OTHERS if k == self._turn else math.inf for k in range(BLOCK)]
+            tolerances[0] = LOWEST
+        found = nearest(self._pencil(), [*self._start(modes, seed), *self._before], tolerances)
+        self._negative, self._before = found.negative, list(modes[:1])
         return float(found.values[0]), found.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:

@@ -133,7 +133,7 @@ def test_a_nan_has_the_next_point_factorised(ballooned, monkeypatch):
     equations, points = ballooned
     watched = stability.Stability.of(equations)
     monkeypatch.setattr(stability, "ALWAYS", 0)
-    monkeypatch.setattr(stability, "lowest", lambda *words: (_ for _ in ()).throw(NoConvergence("")))
+    monkeypatch.setattr("softmodels.path.spectra.lowest", lambda *words: (_ for _ in ()).throw(NoConvergence("")))
     equations.factorise(points[-1].state)
     assert math.isnan(watched.signature(exact=True).lowest)
     assert watched.wants(types.SimpleNamespace(w=points[-1].state.w, P=points[-1].state.P))

@@ -1,0 +1,196 @@
+"""The thin disk's wedge from rest through its limit point by the iterative solver: iterations, time and memory as it grows.
+
+One model per process, so that the peak of its memory is its own; rows gather in a folder:
+
+    python tests/benchmarks/large_models.py run FOLDER --angle 15 --cell-size 8
+    python tests/benchmarks/large_models.py run FOLDER --cell-size 8
+    python tests/benchmarks/large_models.py run FOLDER --cell-size 8 --solver direct
+    mpirun -n 2 python tests/benchmarks/large_models.py run FOLDER --cell-size 1
+    python tests/benchmarks/large_models.py table FOLDER
+
+Cells are in mm. ``--rest`` solves one state at 5 cm alone, for models whose whole path takes too long. ``table`` prints a row
+per run with the exponents between neighbouring sizes, and draws ``iterations.png``: those of the linear solve for the path's
+direction, to 1e-5, against the arc length.
+
+{figures}
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import math
+import resource
+import tempfile
+import time
+from pathlib import Path
+
+PRESSURES_CM = (20.0, 40.0, 80.0)
+"""Requested; the limit point lies between the last two."""
+COLUMNS = (
+    "unknowns",
+    "ranks",
+    "solver",
+    "states",
+    "cycles",
+    "set_ups",
+    "seconds",
+    "first_set_up_s",
+    "estimate_GB",
+    "taken_GB",
+    "peak_GB",
+)
+
+
+class Counted:
+    """Products with what stands for the inverse, counted."""
+
+    def __init__(self, bordered):
+        self.count, self._apply = 0, bordered.inverse.apply
+        bordered.inverse.apply = self
+
+    def __call__(self, b, x):
+        self.count += 1
+        self._apply(b, x)
+
+
+def run(folder: Path, angle: float, cell_mm: float, solver_name: str, rest: bool) -> None:
+    """Solve one model, and add its row and its states to the folder."""
+    from softmodels.mechanics.mpi import start
+
+    comm = start()
+    from geometries import HollowDisk
+    from softmodels.case.material_table import DEFAULT
+    from softmodels.mechanics import methods
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.memory import needed
+    from softmodels.mechanics.mpi import on_root
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
+
+    disk = HollowDisk.variant("shadow", angle=angle, cell_size=cell_mm * 1e-3, fillet=0.0, base_fillet=0.0)
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(comm.bcast(place)) / "wedge.msh"
+        on_root(comm, lambda: disk.write(file))
+        body = Body.from_file(disk, file, comm)
+        comm.barrier()
+    system = System(body, DEFAULT)
+    unknowns, begun = system.K.getSize()[0], time.perf_counter()
+    _, before = needed(comm, _now())
+    methods.LARGE = 0
+    estimate = methods.chosen(system, solver_name).memory
+    solver = Solver(system, solver_name)
+    counted = Counted(solver.bordered)
+    began = time.perf_counter()
+    solver.factorise(system.rest())
+    first = time.perf_counter() - began
+    rows = list(_states(solver, counted, [5.0] if rest else PRESSURES_CM))
+    _, peak = needed(comm, _peak())
+    whole = time.perf_counter() - begun
+    values = (unknowns, comm.size, solver.method.name, len(rows), counted.count, solver.bordered.factorisations)
+    sizes = (estimate, peak - before, peak)
+    row = (*values, f"{whole:.1f}", f"{first:.2f}", *(f"{size / 1e9:.4f}" for size in sizes))
+    on_root(comm, lambda: _write(folder, row, rows))
+
+
+def _states(solver, counted, pressures_cm):
+    """A row of each state up to the limit point and a little past it."""
+    from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.points import PathEnd
+
+    system = solver.system
+    path = Continuation(solver, control="volume")
+    goals = [cm * 95.1 / system.stress_unit for cm in pressures_cm]
+    arc, last, begun, cycles = 0.0, None, time.perf_counter(), counted.count
+    try:
+        for point in trace(path, goals):
+            if last is not None:
+                step = (point.state.V - last.V, point.state.P - last.P)
+                arc += path.plane.product(step, step) ** 0.5
+            last = point.state
+            iterations = solver.newton.snes.getKSP().getIterationNumber()
+            pressure = f"{last.P * system.stress_unit / 95.1:.8g}"
+            yield (
+                f"{arc:.6g}", pressure, last.V, int(point.limit), last.iterations, iterations,
+                counted.count - cycles, solver.bordered.factorisations, f"{time.perf_counter() - begun:.2f}",
+                point.signature.negative_eigenvalues, point.signature.lowest,
+            )  # fmt: skip
+            cycles = counted.count
+    except PathEnd:
+        return
+
+
+def _peak() -> float:
+    """Bytes of this process at most so far."""
+    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def _now() -> float:
+    """Bytes of this process now; on Linux."""
+    return (
+        float(next(line for line in Path("/proc/self/status").open() if line.startswith("VmRSS")).split()[1]) * 1024.0
+    )
+
+
+def _write(folder: Path, row, rows) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    table = folder / "runs.csv"
+    new = not table.exists()
+    with table.open("a", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerows([COLUMNS, row] if new else [row])
+    with (folder / f"states-{row[2]}-{row[0]}-{row[1]}.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        names = "arc,pressure_cm,volume,limit,newton,iterations,cycles,set_ups,seconds,negative,lowest"
+        writer.writerows([names.split(","), *rows])
+    print(dict(zip(COLUMNS, row, strict=True)))
+
+
+def table(folder: Path) -> None:
+    """Print the runs and the exponents between them; draw iterations against arc length."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    with (folder / "runs.csv").open() as file:
+        found = sorted(csv.DictReader(file), key=lambda run: (run["solver"], int(run["ranks"]), int(run["unknowns"])))
+    print("  ".join(f"{name:>14}" for name in (*COLUMNS, "time_exponent", "memory_exponent")))
+    for before, now in itertools.pairwise([None, *found]):
+        alike = before is not None and all(before[name] == now[name] for name in ("solver", "ranks"))
+        powers = [""] * 2
+        if alike and float(now["unknowns"]) > float(before["unknowns"]):
+            growth = math.log(float(now["unknowns"]) / float(before["unknowns"]))
+            powers = [f"{math.log(float(now[k]) / float(before[k])) / growth:.2f}" for k in ("seconds", "peak_GB")]
+        print("  ".join(f"{text:>14}" for text in (*(now[name] for name in COLUMNS), *powers)))
+    figure, axes = pyplot.subplots(figsize=(7, 4))
+    for one in found:
+        with (folder / f"states-{one['solver']}-{one['unknowns']}-{one['ranks']}.csv").open() as file:
+            states = list(csv.DictReader(file))
+        x, y = ([float(state[name]) for state in states] for name in ("arc", "iterations"))
+        axes.plot(x, y, ".-", label=f"{one['unknowns']} unknowns, {one['solver']}")
+        at = [i for i, state in enumerate(states) if state["limit"] == "1"]
+        axes.plot([x[i] for i in at], [y[i] for i in at], "kx")
+    axes.set(xlabel="arc length (crosses: limit points)", ylabel="iterations to 1e-5", ylim=(0, None))
+    axes.legend()
+    figure.savefig(folder / "iterations.png", dpi=150, bbox_inches="tight")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("run", "table"))
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--angle", type=float, default=45.0, help="of the wedge, degrees")
+    parser.add_argument("--cell-size", type=float, default=8.0, help="mm")
+    parser.add_argument("--solver", choices=("direct", "iterative"), default="iterative")
+    parser.add_argument("--rest", action="store_true", help="one state at 5 cm alone")
+    given = parser.parse_args()
+    if given.what == "table":
+        table(given.folder)
+    else:
+        run(given.folder, given.angle, given.cell_size, given.solver, given.rest)
+
+
+if __name__ == "__main__":
+    main()
