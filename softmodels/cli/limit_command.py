@@ -45,7 +45,7 @@ SAMPLES = 32
 class Given:
     """The command's options but those of devices and laws; see `_command`."""
 
-    file: Path | None
+    case_file: Path | None  # a device may have a file of its own
     material: tuple[str, ...]
     vary: tuple[str, ...]
     count: int | None
@@ -87,7 +87,7 @@ class Question:
         Raises:
             CaseError, GeometryError, MaterialError: What cannot be meant.
         """
-        file, working = given.file, given.working_cm
+        file, working = given.case_file, given.working_cm
         case = None if file is None else Case.from_file(file)
         device, materials = _asked(kind, case, file, given.material, dict(values))
         for material in materials.values():
@@ -152,7 +152,7 @@ def _open(given: Given, values: Mapping[str, object], question: Question, comm: 
         **values, "material": given.material, "vary": given.vary, "count": given.count, "normal": given.normal,
         "cm": question.column.cm,
     }  # fmt: skip
-    files = [path for path in (given.file, *map(Path, given.material)) if path is not None and path.is_file()]
+    files = [path for path in (given.case_file, *map(Path, given.material)) if path is not None and path.is_file()]
 
     def on_rank_0() -> None:
         folder.append(open_folder(given.output, Path("results/limit"), "limits", options, files))
@@ -283,7 +283,7 @@ def _command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = click
     if cls is not click.Command:
         text = f"A device, with options of its own: {', '.join(ACTUATORS)}.  [default: {kind.__name__}]"
         made = click.option(DEVICE, metavar="NAME", expose_value=False, help=text)(made)
-    made = click.argument("file", required=False, type=click.Path(path_type=Path))(made)
+    made = click.argument("case_file", metavar="[FILE]", required=False, type=click.Path(path_type=Path))(made)
     return click.command(name="limit", cls=cls, context_settings={"help_option_names": ["-h", "--help"]})(made)
 
 

@@ -6,13 +6,16 @@ import csv
 import dataclasses
 import json
 import re
+import warnings
 
 import numpy as np
 import pytest
 
-from geometries import HollowDisk, SeminarActuator
+from geometries import ACTUATORS, HollowDisk, SeminarActuator
+from geometries.fields import about
 from softmodels.__main__ import softmodels
 from softmodels.case.case import CaseError
+from softmodels.cli.limit_command import Given
 from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.results.limits import Tolerance, find_limit, samples
@@ -134,3 +137,18 @@ def test_any_device_by_its_options(ended):
     stretches = np.linspace(1.0, 3.0, 2001)
     most = sphere_pressure(NeoHookean(20e3, 0.5), 0.015, 0.018, stretches).max()
     assert status == 0 and 1e3 * float(re.search(r"\(([\d.]+) kPa\)", out)[1]) == pytest.approx(most, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["ImportedActuator", "ImportedMesh"])
+def test_a_part_of_a_file_of_its_own(ended, name, tmp_path):
+    """The device's --file is not the command's FILE."""
+    words = ("--file", tmp_path / "none.stp", "--cavities", "at 1, 0, 0 mm", "--support", "x = 0 mm")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        status, _, told = ended(softmodels, "limit", "--device", name, *words)
+    assert status == 2 and told.count("\n") == 1 and "none.stp" in told
+
+
+def test_no_device_has_a_length_of_the_commands_own_name():
+    own = {field.name for field in dataclasses.fields(Given)}
+    assert not [name for name, kind in ACTUATORS.items() if own & about(kind).keys()]
