@@ -101,6 +101,15 @@ class Balloon(Revolved):
         return self.radius
 
     @property
+    def clearances(self) -> dict[str, float]:
+        if not self.neck_radius:
+            return {"wall": self.wall}
+        return {
+            "wall": self.wall, "neck's wall": self.neck_wall or self.wall,
+            "air in the neck": self.neck_radius - self.rod_radius, "neck's length": self.neck_length,
+        }  # fmt: skip
+
+    @property
     def faces(self) -> tuple[str, ...]:  # type: ignore[override]
         """Faces outside, from the top."""
         return ("outer", "neck") if self.neck_radius else ("outer",)

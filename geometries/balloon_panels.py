@@ -103,7 +103,7 @@ class _Maker:
 
     def __init__(self, balloon: Balloon):
         self.balloon, self.meridian = balloon, balloon.meridian
-        self.through = round(balloon.through)
+        self.through = balloon.rows
         self.inner_angle = self.outer_angle = -0.5 * math.pi
         self.begin: tuple[Place, Place] = (self.meridian.at(self.meridian.inner, self.inner_angle),
                                            self.meridian.at(self.meridian.outer, self.outer_angle))  # fmt: skip

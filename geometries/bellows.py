@@ -97,6 +97,10 @@ class Bellows(HeldTip, Revolved):
         return (*super().holds, *self.axis_holds)
 
     @property
+    def movable(self) -> tuple[str, ...]:
+        return ()  # lines between its arcs come and go with the lengths, in the default one too
+
+    @property
     def probes(self) -> Mapping[str, Vector]:
         crest = (self.outer_radius, 0.0, self.cap + (self.convolutions // 2 + 0.5) * self.pitch)
         return {"apex": (0.0, 0.0, self.height), "ceiling": (0.0, 0.0, self.height - self.cap), "crest": crest}

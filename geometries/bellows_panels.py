@@ -60,7 +60,7 @@ def cuts(bellows: Bellows) -> list[Cut]:
 
 def bellows_panels(bellows: Bellows) -> tuple[Panel, ...]:
     """The half section; see `Bellows`."""
-    through = round(bellows.through)
+    through = bellows.rows
 
     def cells(length: float) -> int:
         return max(1, math.ceil(length / bellows.cell_size - 1e-9))
@@ -86,7 +86,7 @@ def _plate(bellows: Bellows, cut: Cut, level: float, cells: Callable[[float], in
     (inner, floor), (outer, _) = cut.inside, cut.outside
     upper = level > floor
     low, high = min(level, floor), max(level, floor)
-    across, up, through = cells(inner), max(round(bellows.through), cells(high - low)), round(bellows.through)
+    across, up, through = cells(inner), max(bellows.rows, cells(high - low)), bellows.rows
     face, bonded = ("tip" if upper else "support"), ""
     for left, right, count, inside, ends in (
         (0.0, inner, across, "cavity", ("axis", "")),

@@ -21,15 +21,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Hold, Vector
+from geometries.carrying import carried_along
 from geometries.cylinder_checks import check_cylinder, expected_cells
+from geometries.cylinder_outline import check_alike, outline
 from geometries.fields import angle_field, choice_field, length_field
 from geometries.halved import Halved
+from geometries.parameters import parameter, parameter_names
 from geometries.registry import register
 from geometries.sectioned import Sectioned
 
@@ -193,6 +196,25 @@ class Cylinder(Sectioned, Halved):
         if self.section == "whole":
             figures["twist_deg"] = math.degrees(math.atan2(across[1], across[0]))
         return figures | {"tip_x_mm": now["end"][0] * 1e3}
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        return tuple(name for name in parameter_names(self) if name != "strip" and parameter(self, name) != 0.0)
+
+    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the boundary at the same share of the same edge of the other's outline; see `Actuator.carried`."""
+        check_alike(self, other)
+        return carried_along(outline(self), outline(other), points, self.outer_radius)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        flat, upright = self.inner_radius - self.fillet, self.straight
+        return {
+            "wall": self.wall,
+            "cap": self.cap,
+            "flat part of the ceiling": flat,
+            "straight part of the wall": upright,
+        }
 
     @property
     def cavity_volume(self) -> float:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geometries.carrying import carried_along
 from geometries.errors import GeometryError
 from geometries.fields import shown
 from geometries.membrane_profile import MembraneTop
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
-
-FARTHEST = 0.05
-"""How far from the outline a point may be in radii of the disk: nodes that a mesher put on chords are a little inside."""
 
 CHOICES = ("section", "angle", "azimuth", "support")
 """Fields in which two disks must agree for points to be carried from one to the other."""
@@ -119,24 +117,7 @@ def _curved(top: MembraneTop) -> list[Edge]:
 def carried(disk: HollowDisk, other: HollowDisk, points: Array) -> Array:
     """Where points on a disk's boundary lie on another disk; see `geometries.Actuator.carried`."""
     _check_alike(disk, other)
-    points = np.array(points, dtype=float).reshape(-1, 3)
-    radii = np.hypot(points[:, 0], points[:, 1])
-    flat = np.column_stack([radii, points[:, 2]])
-    edges = outline(disk)
-    shares = [edge.shares(flat) for edge in edges]
-    at = np.stack([edge.places(share) for edge, share in zip(edges, shares, strict=True)])
-    missed = np.linalg.norm(at - flat, axis=2)
-    nearest = missed.argmin(axis=0)
-    _check_near(disk, points, missed.min(axis=0, initial=np.inf))
-    # What is added is zero for the same disk, whatever the rounding; a node beside the outline stays beside it.
-    shift = np.zeros_like(flat)
-    for k, (edge, share) in enumerate(zip(outline(other), shares, strict=True)):
-        here = nearest == k
-        shift[here] = edge.places(share[here]) - at[k, here]
-    off_axis = radii > 1e-12 * disk.outer_radius
-    points[off_axis, :2] *= (1.0 + shift[off_axis, 0] / radii[off_axis])[:, None]
-    points[:, 2] += shift[:, 1]
-    return points
+    return carried_along(outline(disk), outline(other), points, disk.outer_radius)
 
 
 def _check_alike(disk: HollowDisk, other: HollowDisk) -> None:
@@ -156,13 +137,4 @@ def _check_alike(disk: HollowDisk, other: HollowDisk) -> None:
     if len(disk.profile) != len(other.profile):
         raise GeometryError(
             f"profile has {len(disk.profile)} and {len(other.profile)} entries; points are carried between equal numbers"
-        )
-
-
-def _check_near(disk: HollowDisk, points: Array, missed: Array) -> None:
-    if len(points) and missed.max() > FARTHEST * disk.outer_radius:
-        place = ", ".join(f"{1e3 * value:.4g}" for value in points[missed.argmax()])
-        raise GeometryError(
-            f"the point ({place}) mm is not on the disk's boundary but {shown(float(missed.max()), 'm')} from it; only points "
-            "of the boundary can be carried"
         )

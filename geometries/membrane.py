@@ -18,6 +18,7 @@ it. What they are made of, or that they are rigid, the case says.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping
 from typing import ClassVar
@@ -63,7 +64,7 @@ class Membrane(Revolved):
     )
     chamber_depth: float = length_field(0.010, "depth of the rigid chamber below the membrane", shape=False)
     cell_size: float = length_field(0.001, "edge length of the cells along the membrane", shape=False)
-    through: float = through_field()
+    through: float = through_field(0.0, "; 0 for 3 in a section and 2 in a wedge")
     section: str = section_field()
     angle: float = wedge_field()
 
@@ -84,6 +85,11 @@ class Membrane(Revolved):
     @property
     def panels(self) -> tuple[Panel, ...]:
         return membrane_panels(self)
+
+    @property
+    def rows(self) -> int:
+        """Fewer turn more stiffly at the held edge; of more, that corner may have a limit of its own before the membrane's."""
+        return round(self.through) or (3 if self.dimension == 2 else 2)
 
     @property
     def thinnest(self) -> float:
@@ -121,6 +127,16 @@ class Membrane(Revolved):
         along = self.lift if self.clamp == "slip" else None
         above = () if self.clamp == "below" else (Hold("clamp_top", along),)
         return (Hold("clamp", along), *above, *self.axis_holds)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        bonded = {"plate": self.plate_thickness, "rings": self.ring_thickness}
+        edges = [("plate", self.plate_radius)] if self.plate_radius else [("axis", 0.0)]
+        for k, (inner, outer) in enumerate(self.ring_pairs, 1):
+            edges += [(f"ring{k} inside", inner), (f"ring{k} outside", outer)]
+        pairs = itertools.pairwise([*edges, ("clamp", self.radius)]) if self.plate_radius or self.rings else ()
+        widths = {f"from {a} to {b}": end - begin for (a, begin), (b, end) in pairs}
+        return {"membrane": self.thickness, **{name: value for name, value in bonded.items() if value}, **widths}
 
     @property
     def apex(self) -> float:

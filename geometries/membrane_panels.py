@@ -51,7 +51,7 @@ def parts(membrane: Membrane) -> list[tuple[float, float, str, float]]:
 
 def strips(membrane: Membrane) -> list[Strip]:
     """The membrane cut at all radii where something begins or its cells change, from the axis outwards."""
-    across = membrane.thickness / membrane.through
+    across = membrane.thickness / membrane.rows
     largest = min(membrane.cell_size, NEEDLE * across)
     first = min(largest, across)
     found: list[Strip] = []
@@ -78,7 +78,7 @@ def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, 
 
 def membrane_panels(membrane: Membrane) -> tuple[Panel, ...]:
     """The half section; see `Membrane`."""
-    through, edge = round(membrane.through), membrane.radius + membrane.clamp_width
+    through, edge = membrane.rows, membrane.radius + membrane.clamp_width
     found = []
     along = strips(membrane)
     for k, strip in enumerate(along):

@@ -53,7 +53,7 @@ class Side:
         start, end = np.array(self.start), np.array(self.end)
         if self.centre is None:
             return start + shares[:, None] * (end - start)
-        angle = self._angle(self.start) + shares * self._turn
+        angle = self._angle(self.start) + shares * self.turn
         return np.array(self.centre) + np.array(self.axes) * np.column_stack([np.cos(angle), np.sin(angle)])
 
     def shares(self, places: Array) -> Array:
@@ -63,7 +63,7 @@ class Side:
             along = end - start
             return np.clip((places - start) @ along / (along @ along), 0.0, 1.0)
         x, y = ((places - self.centre) / self.axes).T
-        return np.clip(_wrapped(np.arctan2(y, x) - self._angle(self.start)) / self._turn, 0.0, 1.0)
+        return np.clip(_wrapped(np.arctan2(y, x) - self._angle(self.start)) / self.turn, 0.0, 1.0)
 
     def missed(self, places: Array) -> Array:
         """How far places (n, 2) are from it, in m; exact for those on it."""
@@ -77,14 +77,14 @@ class Side:
         if self.centre is None:
             slope = np.full(GAUSS, self.end[1] - self.start[1])
         else:
-            slope = self.axes[1] * np.cos(self._angle(self.start) + shares * self._turn) * self._turn
+            slope = self.axes[1] * np.cos(self._angle(self.start) + shares * self.turn) * self.turn
         return float(0.5 * math.pi * (self.places(shares)[:, 0] ** 2 * slope) @ weights)
 
     @property
     def control(self) -> tuple[Place, float]:
         """Where the tangents of an arc's ends meet, and the weight with which it makes the arc a rational parabola."""
         assert self.centre is not None
-        half = 0.5 * self._turn
+        half = 0.5 * self.turn
         middle = self._angle(self.start) + half
         (r, z), (a, c), weight = self.centre, self.axes, math.cos(half)
         return (r + a * math.cos(middle) / weight, z + c * math.sin(middle) / weight), weight
@@ -104,7 +104,8 @@ class Side:
         return math.atan2((place[1] - self.centre[1]) / self.axes[1], (place[0] - self.centre[0]) / self.axes[0])
 
     @property
-    def _turn(self) -> float:
+    def turn(self) -> float:
+        """Angle of an arc in rad, against the clock."""
         return float(_wrapped(np.array(self._angle(self.end) - self._angle(self.start))))
 
 

@@ -6,16 +6,19 @@ import functools
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import CutPlane
+from geometries.carrying import carried_along
 from geometries.cell_count import check_cell_count
 from geometries.errors import GeometryError
 from geometries.fields import angle_field, choice_field, number_field, shown
 from geometries.panels import Panel, Place, Side, chained, enclosed_volume, outline, turned_volume
+from geometries.parameters import parameter, parameter_names
+from geometries.revolved_outline import whole_edges
 from geometries.sectioned import Wedged
 
 NARROWEST = 5.0
@@ -46,9 +49,9 @@ def wedge_field() -> Any:
     )
 
 
-def through_field(default: float = 2.0) -> Any:
-    """Return a dataclass field for the cells through a wall."""
-    return number_field(default, "how many cells there are through the wall", shape=False)
+def through_field(default: float = 2.0, more: str = "") -> Any:
+    """Return a dataclass field for the cells through a wall; ``more`` ends its help."""
+    return number_field(default, f"how many cells there are through the wall{more}", shape=False)
 
 
 class Revolved(Wedged):
@@ -76,7 +79,12 @@ class Revolved(Wedged):
     @property
     @abstractmethod
     def thinnest(self) -> float:
-        """Thickness in m of its thinnest wall, through which a wedge has `through` cells."""
+        """Thickness in m of its thinnest wall, through which a wedge has `rows` cells."""
+
+    @property
+    def rows(self) -> int:
+        """How many cells there are through a wall."""
+        return round(self.through)
 
     @functools.cached_property
     def sides(self) -> list[Side]:
@@ -87,6 +95,27 @@ class Revolved(Wedged):
     def profile(self) -> list[Side]:
         """The sides that a camera sees, from the axis at the top outwards."""
         return chained(side for side in self.sides if side.role in self.seen)
+
+    @functools.cached_property
+    def edges(self) -> list[Side]:
+        """Its outline between corners, however its cells cut it."""
+        probes = [(float(np.hypot(x, y)), float(z)) for x, y, z in self.probes.values()]
+        return whole_edges(self.sides, probes)
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        return tuple(name for name in parameter_names(self) if parameter(self, name) != 0.0)
+
+    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the boundary at the same share of the same edge of the other's outline; see `Actuator.carried`."""
+        if type(other) is not type(self) or [one.role for one in self.edges] != [one.role for one in other.edges]:
+            raise GeometryError(
+                f"points are carried between devices whose outlines have the same edges; this {type(self).__name__} has "
+                f"{len(self.edges)} and the other {type(other).__name__} {len(other.edges)}, or others"
+            )
+        if self.dimension != other.dimension or (self.dimension == 3 and self.angle != other.angle):
+            raise GeometryError("points are carried between devices of the same section and angle")
+        return carried_along(self.edges, other.edges, points, self.size)
 
     @property
     def anchors(self) -> Mapping[str, Place]:
@@ -103,7 +132,7 @@ class Revolved(Wedged):
     @property
     def wedge_size(self) -> float:
         """Edge length in m of a wedge's cells."""
-        return min(self.cell_size, self.thinnest / round(self.through))
+        return min(self.cell_size, self.thinnest / self.rows)
 
     @property
     def expected_cells(self) -> float:
@@ -139,7 +168,7 @@ class Revolved(Wedged):
         Raises:
             GeometryError: The first parameter found impossible, with its value and the limit.
         """
-        if not 1 <= self.through <= MOST_THROUGH or self.through != round(self.through):
+        if not 1 <= self.rows <= MOST_THROUGH or self.through != round(self.through):
             raise GeometryError(f"through is {self.through:g}; it must be a whole number from 1 to {MOST_THROUGH}")
         if self.dimension == 3:
             if not NARROWEST <= self.angle <= 360.0:
@@ -151,7 +180,7 @@ class Revolved(Wedged):
                 raise GeometryError(
                     f"angle is {shown(self.angle, 'degree')}; it must divide 360 deg evenly, such as 30, 45, 90 or 360 deg"
                 )
-        more = f" with {self.through:g} cells through {shown(self.thinnest, 'm')}"
+        more = f" with {self.rows} cells through {shown(self.thinnest, 'm')}"
         check_cell_count(self.cell_size, self.expected_cells, MOST_CELLS, more)
 
     def build(self) -> None:

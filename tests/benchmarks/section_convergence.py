@@ -1,13 +1,15 @@
 """Mesh convergence of the axisymmetric devices, for their pages: rise, added volume and limit pressure on finer meshes.
 
-As a program, ``python tests/benchmarks/section_convergence.py``: one line per device and mesh, half a minute. In each
-row cells are half as long and twice as many through the wall; the silicone is the default one, incompressible.
+As a program, ``python tests/benchmarks/section_convergence.py [Membrane] [Balloon] [Bellows]``: one line per device and mesh,
+half a minute. In each row cells are half as long and twice as many through the wall; the silicone is the default one,
+incompressible.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 import tempfile
 from pathlib import Path
 
@@ -48,8 +50,10 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         for device in (Membrane(), Balloon(), Bellows()):
+            if sys.argv[1:] and type(device).__name__ not in sys.argv[1:]:
+                continue
             for size in LEVELS:
-                through = round(device.through / size)
+                through = max(1, round(device.rows / size))
                 finer = dataclasses.replace(device, cell_size=size * device.cell_size, through=through)
                 cells, rise, volume, limit = figures(finer, comm, Path(folder))
                 print(

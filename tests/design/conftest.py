@@ -90,14 +90,14 @@ def second_order(taylor, figure):
     Either it falls as the square of the step, or it is next to nothing: the square's factor may vanish.
     """
 
-    def check(model, name, table, what):
-        found = taylor(model, name)
+    def check(model, name, table, what, share=0.01):
+        found = taylor(model, name, share)
         assert found
-        for key, (order, share) in found.items():
-            if share > 2e-3:
+        for key, (order, left) in found.items():
+            if left > 2e-3:
                 figure(table, f"distance of the order from 2, {what}", order - 2.0, 0.3)
             else:
-                figure(table, f"remainder over the linear part at a step of a quarter percent, {what}", share, 2e-3)
-            assert order > 1.5 or share < 2e-3, key
+                figure(table, f"remainder over the linear part at the smallest step, {what}", left, 2e-3)
+            assert order > 1.5 or left < 2e-3, key
 
     return check

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from geometries import HollowDisk, SeminarActuator
+from geometries import Balloon, Cylinder, HollowDisk, Membrane, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.design import meshed_design
 from softmodels.design.evaluation import DesignFailure
@@ -15,8 +15,9 @@ from softmodels.design.loads import Load
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities.forces import BlockedForce, Stiffness
 from softmodels.design.quantities.limits import LimitPressure
+from softmodels.design.quantities.peaks import MaxStretch
 from softmodels.design.quantities.places import DeviceFigure, Rise
-from softmodels.design.quantities.volumes import AddedVolume
+from softmodels.design.quantities.volumes import AddedVolume, Mass
 from softmodels.design.states import WorkingStates
 from softmodels.materials.laws import NeoHookean, Yeoh
 
@@ -32,6 +33,44 @@ PAST = Load("volume", 40e-6)
 @pytest.mark.parametrize("name", LENGTHS)
 def test_sections(designed, thin_disk, of_all_kinds, second_order, comm, name):
     second_order(designed(thin_disk, LENGTHS, of_all_kinds, comm), name, TAYLOR, "section")
+
+
+@pytest.mark.parametrize("name", ["radius", "thickness", "plate_radius", "rings[1]", "ring_thickness", "clamp_width"])
+def test_membranes(designed, second_order, comm, name):
+    """A plate that is a face, a ring with a thickness, and a clamp that holds a ring from below, so that its width counts."""
+    membrane = Membrane(
+        cell_size=0.004, through=2.0, plate_radius=0.006, rings=(0.011, 0.014), ring_thickness=0.001, clamp="below",
+        clamp_width=0.004,
+    )  # fmt: skip
+    quantities = (Rise(at=1000.0), AddedVolume(at=1000.0), MaxStretch(at=1000.0), Mass(), Rise(at=Load("volume", 3e-6)))
+    names = ("radius", "thickness", "clamp_width", "plate_radius", "rings[1]", "ring_thickness")
+    # A percent of a ring's radius is four of its width.
+    second_order(
+        designed(membrane, names, quantities, comm), name, TAYLOR, "membrane", 0.003 if "ring" in name else 0.01
+    )
+
+
+@pytest.mark.parametrize("name", ["radius", "wall", "neck_radius", "neck_length", "fillet", "polar_radius"])
+def test_balloons(designed, second_order, comm, name):
+    balloon = Balloon(cell_size=0.003, polar_radius=0.018)
+    quantities = (
+        Rise(at=1000.0),
+        DeviceFigure(of="width_mm", at=1000.0),
+        AddedVolume(at=1000.0),
+        LimitPressure(),
+        Mass(),
+    )
+    names = ("radius", "polar_radius", "wall", "neck_radius", "neck_length", "fillet")
+    second_order(designed(balloon, names, quantities, comm), name, TAYLOR, "balloon")
+
+
+@pytest.mark.parametrize("name", ["inner_radius", "wall", "length", "cap", "fillet"])
+def test_tubes(designed, second_order, comm, name):
+    tube = Cylinder(length=0.020, cell_size=0.003)
+    quantities = (DeviceFigure(of="elongation_percent", at=2000.0), DeviceFigure(of="diameter_mm", at=2000.0),
+                  AddedVolume(at=2000.0), Mass(), Stiffness(at=2000.0))  # fmt: skip
+    names = ("inner_radius", "wall", "length", "cap", "fillet")
+    second_order(designed(tube, names, quantities, comm), name, TAYLOR, "tube")
 
 
 @pytest.mark.parametrize("name", ["membrane", "profile[1]"])
