@@ -37,7 +37,7 @@ Examples:
 {examples}
   python -m {module} --pressure-cm {pressures} -- -snes_monitor -log_view
 
-Words after -- go to PETSc; the factorisation of the tangent has the prefix body_.
+Words after -- go to PETSc; the factorisation of the tangent, or its multigrid, has the prefix body_.
 
 \b
 Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested value (limit point); 130 stopped.

@@ -45,6 +45,9 @@ class Factorisation(Inverse):
     def memory(K: PETSc.Mat) -> float:
         """Bytes that a factorisation of K would take on this rank: what MUMPS' analysis foretells, and PETSc's copy of K.
 
+        Measured on wedges of 9,804, 17,092, 20,542 and 48,563 unknowns, mass matrix included: 50, 129, 112 and 325 MB
+        taken, 42, 129, 119 and 340 MB foretold.
+
         Args:
             K: An assembled matrix.
         """

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from measurement.wording import Spoken
 from softmodels.mechanics.mpi import largest, total
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ LEFT = 0.9
 """Share of what is free that a model may take: meshes, results and pictures need some, too."""
 
 
-class TooLargeError(MemoryError):
+class TooLargeError(Spoken, MemoryError):
     """A model that would not fit into memory; the message is a sentence for the user."""
 
 

@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from softmodels.mechanics.factorisation import Factorisation
+from softmodels.mechanics.factorisation import Factorisation, entries_here
 from softmodels.mechanics.inverse import Inverse
 from softmodels.mechanics.memory import GIGA, TooLargeError, available, needed
 from softmodels.mechanics.multigrid import Multigrid
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 METHODS = ("auto", "direct", "iterative")
 LARGE = 40_000
 """Unknowns from which memory is looked at before it is taken; smaller models fit into any machine."""
+MASS_ENTRY = 12
+"""Bytes that the mass matrix, by which modes are measured, takes per entry of K."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,7 +90,9 @@ def chosen(system: System, method: str) -> Method:
     system.rest()
     system.assemble_tangent()
     room = available(system.comm)
-    direct, iterative = (needed(system.comm, own) for own in (Factorisation.memory(system.K), Multigrid.memory(system)))
+    mass = MASS_ENTRY * entries_here(system.K)
+    own = (Factorisation.memory(system.K), Multigrid.memory(system))
+    direct, iterative = (needed(system.comm, mass + taken) for taken in own)
     fits = {"direct": direct[0] <= room, "iterative": iterative[0] <= room and not rigid}
     told = f"about {direct[1] / GIGA:.2g} GB, where {room * system.comm.size / GIGA:.2g} GB are free"
     if fits["direct"] and method != "iterative":

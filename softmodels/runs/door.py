@@ -71,8 +71,8 @@ def inflate(
             ``"0,70,130 cm"``, or numbers in Pa.
         volumes: The same of added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
         options: ``strokes`` (``"0:20 ml"`` or m3) with ``supply``, such as a `Syringe`; of a `Case` ``control``,
-            ``formulation``, ``sheet``, ``obstacle``, ``parts``, ``cycle``, ``program``, ``gauges``, ``water_density``,
-            ``name``; and ``progress``, ``folder``, ``resume``, ``branch`` as of `run`.
+            ``formulation``, ``solver``, ``sheet``, ``obstacle``, ``parts``, ``cycle``, ``program``, ``gauges``,
+            ``water_density``, ``name``; and ``progress``, ``folder``, ``resume``, ``branch`` as of `run`.
 
     Returns:
         The run. A path that ends before the last requested value comes back with its end in `Run.limit`.

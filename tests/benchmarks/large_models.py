@@ -8,7 +8,7 @@ One model per process, so that the peak of its memory is its own; rows gather in
     mpirun -n 2 python tests/benchmarks/large_models.py run FOLDER --cell-size 1
     python tests/benchmarks/large_models.py table FOLDER
 
-Cells are in mm. ``--rest`` solves one state at 5 cm alone, for models whose whole path takes too long. ``table`` prints a row
+Cells are in mm. ``--one`` solves one state at 1 cm alone, for models whose whole path takes too long. ``table`` prints a row
 per run with the exponents between neighbouring sizes, and draws ``iterations.png``: those of the linear solve for the path's
 direction, to 1e-5, against the arc length.
 
@@ -36,6 +36,7 @@ COLUMNS = (
     "cycles",
     "set_ups",
     "seconds",
+    "cpu_s",
     "first_set_up_s",
     "estimate_GB",
     "taken_GB",
@@ -55,7 +56,7 @@ class Counted:
         self._apply(b, x)
 
 
-def run(folder: Path, angle: float, cell_mm: float, solver_name: str, rest: bool) -> None:
+def run(folder: Path, angle: float, cell_mm: float, solver_name: str, one: bool) -> None:
     """Solve one model, and add its row and its states to the folder."""
     from softmodels.mechanics.mpi import start
 
@@ -76,32 +77,53 @@ def run(folder: Path, angle: float, cell_mm: float, solver_name: str, rest: bool
         body = Body.from_file(disk, file, comm)
         comm.barrier()
     system = System(body, DEFAULT)
+    system.rest()
+    system.assemble_tangent()
     unknowns, begun = system.K.getSize()[0], time.perf_counter()
+    busy = time.process_time()
     _, before = needed(comm, _now())
     methods.LARGE = 0
     estimate = methods.chosen(system, solver_name).memory
     solver = Solver(system, solver_name)
     counted = Counted(solver.bordered)
-    began = time.perf_counter()
+    began = time.process_time()
     solver.factorise(system.rest())
-    first = time.perf_counter() - began
-    rows = list(_states(solver, counted, [5.0] if rest else PRESSURES_CM))
+    first = time.process_time() - began
+    rows = [_one(solver, counted)] if one else list(_states(solver, counted))
     _, peak = needed(comm, _peak())
-    whole = time.perf_counter() - begun
+    whole, busy = time.perf_counter() - begun, needed(comm, time.process_time() - busy)[0]
     values = (unknowns, comm.size, solver.method.name, len(rows), counted.count, solver.bordered.factorisations)
     sizes = (estimate, peak - before, peak)
-    row = (*values, f"{whole:.1f}", f"{first:.2f}", *(f"{size / 1e9:.4f}" for size in sizes))
+    row = (*values, f"{whole:.1f}", f"{busy:.1f}", f"{first:.2f}", *(f"{size / 1e9:.4f}" for size in sizes))
     on_root(comm, lambda: _write(folder, row, rows))
 
 
-def _states(solver, counted, pressures_cm):
+def _one(solver, counted):
+    """The state at 1 cm, with its direction and its lowest eigenvalue, as a row of a path."""
+    from softmodels.mechanics.controls import pressure_control
+    from softmodels.path.stability import Stability
+
+    system, begun = solver.system, time.perf_counter()
+    P = 95.1 / system.stress_unit
+    state = solver.solve(pressure_control(P), system.rest().w, P)
+    solver.factorise(state)
+    solver.tangent(state, pressure_control(P))
+    iterations = solver.newton.snes.getKSP().getIterationNumber()
+    found = Stability.of(solver).signature(exact=True)
+    return (
+        0.0, 1.0, state.V, 0, state.iterations, iterations, counted.count, solver.bordered.factorisations,
+        f"{time.perf_counter() - begun:.2f}", found.negative_eigenvalues, found.lowest,
+    )  # fmt: skip
+
+
+def _states(solver, counted):
     """A row of each state up to the limit point and a little past it."""
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
 
     system = solver.system
     path = Continuation(solver, control="volume")
-    goals = [cm * 95.1 / system.stress_unit for cm in pressures_cm]
+    goals = [cm * 95.1 / system.stress_unit for cm in PRESSURES_CM]
     arc, last, begun, cycles = 0.0, None, time.perf_counter(), counted.count
     try:
         for point in trace(path, goals):
@@ -162,7 +184,7 @@ def table(folder: Path) -> None:
         powers = [""] * 2
         if alike and float(now["unknowns"]) > float(before["unknowns"]):
             growth = math.log(float(now["unknowns"]) / float(before["unknowns"]))
-            powers = [f"{math.log(float(now[k]) / float(before[k])) / growth:.2f}" for k in ("seconds", "peak_GB")]
+            powers = [f"{math.log(float(now[k]) / float(before[k])) / growth:.2f}" for k in ("cpu_s", "taken_GB")]
         print("  ".join(f"{text:>14}" for text in (*(now[name] for name in COLUMNS), *powers)))
     figure, axes = pyplot.subplots(figsize=(7, 4))
     for one in found:
@@ -184,12 +206,12 @@ def main() -> None:
     parser.add_argument("--angle", type=float, default=45.0, help="of the wedge, degrees")
     parser.add_argument("--cell-size", type=float, default=8.0, help="mm")
     parser.add_argument("--solver", choices=("direct", "iterative"), default="iterative")
-    parser.add_argument("--rest", action="store_true", help="one state at 5 cm alone")
+    parser.add_argument("--one", action="store_true", help="one state at 1 cm alone")
     given = parser.parse_args()
     if given.what == "table":
         table(given.folder)
     else:
-        run(given.folder, given.angle, given.cell_size, given.solver, given.rest)
+        run(given.folder, given.angle, given.cell_size, given.solver, given.one)
 
 
 if __name__ == "__main__":
