@@ -11,6 +11,8 @@ from softmodels.results.row import Row
 
 NEAR = 0.95
 """Share of the stretch where a law loses its stability, or its chains are taut, from which that is what ended the path."""
+SQUEEZED = 100.0
+"""Shear moduli of pressure from which it is the silicone's volume that gives way, and no longer the device's shape."""
 FOLDED = 0.3
 """Volume ratio at a vertex below which cells have all but folded."""
 
@@ -20,8 +22,8 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
 
     Args:
         case: The case.
-        figures: ``max_stretch`` and ``J_min`` of the last state, ``contact_force_N`` where a plane stops faces, and the
-            columns of parts.
+        figures: ``max_stretch``, ``J_min`` and ``pressure_Pa`` of the last state, ``contact_force_N`` where a plane stops
+            faces, and the columns of parts.
         petsc: Whether PETSc's own options were given.
     """
     stretch = float(figures["max_stretch"])
@@ -40,6 +42,12 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
         found.append(
             f"the chains of the law {described(case.material)} are taut at stretch {ends}, and the last state has "
             f"{stretch:.3g}: it can be deformed no further. Take a larger limit, or stay below"
+        )
+    modulus = case.material.shear_modulus_0
+    if (pressure := float(figures.get("pressure_Pa") or 0.0)) > SQUEEZED * modulus:
+        found.append(
+            f"the pressure is {pressure / modulus:.3g} times the silicone's shear modulus: what holds or stiffens the device "
+            "leaves it hardly any way to give, so that the silicone itself is squeezed. Hold less of it, or stay below"
         )
     if float(figures["J_min"]) < FOLDED:
         found.append(

@@ -34,7 +34,9 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         return f"no equilibrium at {asked} on this path: {end.cause.clause}. {where}{end.cause.advice}"
     if end.limit is None:
         return f"{asked} was not reached: {end}. {where}" + advice(
-            case, {"max_stretch": last.max_stretch, "J_min": last.J_min, **last.device}, petsc
+            case,
+            {"pressure_Pa": last.pressure, "max_stretch": last.max_stretch, "J_min": last.J_min, **last.device},
+            petsc,
         )
     at = fields.figures(end.limit.state)
     if case.driven is not None:

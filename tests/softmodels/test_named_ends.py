@@ -6,6 +6,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.load_request import LoadRequest
 from softmodels.mechanics.ellipticity import Reinforced, least_resistance
+from softmodels.results.lost_path import advice
 from softmodels.results.outcomes import NO_EQUILIBRIUM
 
 TUBE = sm.Cylinder(section="axisymmetric", cell_size=2e-3)
@@ -19,6 +20,13 @@ def test_a_cavity_that_cannot_change_takes_no_volume():
     ) as told:
         sm.inflate(TUBE, INCOMPRESSIBLE, volumes="1 ml", parts=HELD)
     assert told.value.status == NO_EQUILIBRIUM
+
+
+def test_a_pressure_that_squeezes_the_silicone_itself_is_named():
+    case = sm.Case("tube", TUBE, sm.NeoHookean(30e3, 0.4999), volumes_ml=(1.0,), parts=HELD)
+    figures = {"max_stretch": 1.05, "J_min": 0.97}
+    assert "300 times the silicone's shear modulus" in advice(case, {**figures, "pressure_Pa": 9e6})
+    assert advice(case, {**figures, "pressure_Pa": 1e6}).startswith("Nothing conspicuous")
 
 
 @pytest.mark.parametrize("control", ["auto", "pressure", "arc-length"])
