@@ -12,6 +12,9 @@ from softmodels.case.decks.deck import WRITTEN, Deck
 
 Node = ElementTree.Element
 
+LARGEST_STEP = "0.1"
+"""Of the time; one pressure follows the other at 1."""
+
 
 def febio(deck: Deck) -> str:
     """The deck's text: time 1, 2, ... is at the requested pressures, in order."""
@@ -31,11 +34,9 @@ def febio(deck: Deck) -> str:
     _text(load, "pressure", "1", lc="1")
     _text(load, "symmetric_stiffness", "1")
     data = ElementTree.SubElement(root, "LoadData")
-    curve = ElementTree.SubElement(data, "load_controller", id="1", name="pressure", type="loadcurve")
-    _text(curve, "interpolate", "LINEAR")
-    points = ElementTree.SubElement(curve, "points")
-    for time, pressure in enumerate((0.0, *deck.pressures)):
-        _text(points, "pt", f"{time},{pressure:.12e}")
+    _curve(data, 1, "pressure", [f"{pressure:.12e}" for pressure in (0.0, *deck.pressures)])
+    # FEBio's steps are as long as it likes; its curve of largest steps has the times that they do not pass.
+    _curve(data, 2, "largest steps", [LARGEST_STEP] * (len(deck.pressures) + 1))
     output = ElementTree.SubElement(root, "Output")
     plot = ElementTree.SubElement(output, "plotfile", type="febio")
     ElementTree.SubElement(plot, "var", type="displacement")
@@ -47,14 +48,24 @@ def _text(parent: Node, tag: str, text: str, **attributes: str) -> None:
     ElementTree.SubElement(parent, tag, attributes).text = text
 
 
+def _curve(parent: Node, number: int, name: str, values: list[str]) -> None:
+    """A curve with a value at each of the times 0, 1, 2, ..."""
+    curve = ElementTree.SubElement(parent, "load_controller", id=str(number), name=name, type="loadcurve")
+    _text(curve, "interpolate", "LINEAR")
+    points = ElementTree.SubElement(curve, "points")
+    for time, value in enumerate(values):
+        _text(points, "pt", f"{time},{value}")
+
+
 def _control(root: Node, steps: int) -> None:
     control = ElementTree.SubElement(root, "Control")
     _text(control, "analysis", "STATIC")
     _text(control, "time_steps", str(20 * steps))
     _text(control, "step_size", "0.05")
     stepper = ElementTree.SubElement(control, "time_stepper", type="default")
-    for tag, text in (("max_retries", "20"), ("opt_iter", "15"), ("dtmin", "0.0005"), ("dtmax", "0.1")):
+    for tag, text in (("max_retries", "20"), ("opt_iter", "15"), ("dtmin", "0.0005")):
         _text(stepper, tag, text)
+    _text(stepper, "dtmax", "0", lc="2")
     solver = ElementTree.SubElement(control, "solver", type="solid")
     _text(solver, "symmetric_stiffness", "symmetric")
 
