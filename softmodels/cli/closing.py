@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-import os
-import subprocess
 import sys
-import time
 
-from geometries.apart import interpreter
 from measurement.own_folder import OwnFolderError
 from softmodels.case.case import Case
-from softmodels.case.own_modules import VARIABLE, own_modules
+from softmodels.cli.drawing import Drawing
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.results.columns import term
 from softmodels.results.notes import notes_of
@@ -24,18 +20,18 @@ from softmodels.results.terms import split
 from softmodels.runs.gathering import branch_rows, gather, not_gathered
 
 
-def close(case: Case, results: Results, status: int, message: str, quiet: bool, draw: bool) -> int:
-    """Gather the results, draw them, say how it ended."""
+def close(case: Case, results: Results, status: int, message: str, quiet: bool, drawing: Drawing | None) -> int:
+    """Gather the results, draw them if ``drawing`` is given, say how it ended."""
     stored, took = results.stored, None
     notes = notes_of(case, results.rows) if stored and status != BAD_INPUT else []
     if stored and status != BAD_INPUT:
         try:
             gather(case, results, status, message, notes)
             results.own.forget_unwritten()
-            if draw and status in (DONE, NO_EQUILIBRIUM):
+            if drawing is not None and status in (DONE, NO_EQUILIBRIUM):
                 if not quiet:
                     print("drawing pictures, film and report (--no-pictures leaves them out)", file=sys.stderr)
-                took = _draw(case, results)
+                took = drawing.draw(results)
         except (OSError, OwnFolderError) as error:
             status = status or FAILED
             message = message or not_gathered(error)
@@ -98,18 +94,3 @@ def pressed(row: Row) -> str:
 def _bears(case: Case) -> str:
     breaks = stretch_at_break(case.material)
     return "" if breaks is None else f" (broke at {breaks:.4g})"
-
-
-def _draw(case: Case, results: Results) -> float | None:
-    """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5; the seconds it took, None if it failed."""
-    begun = time.monotonic()
-    inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
-    inherited[VARIABLE] = own_modules(case)
-    command = [*interpreter(), "-m", "softmodels.pictures.draw", str(results.folder), "--name", results.name]
-    done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
-    if done.returncode == 0:
-        print(done.stderr, end="", file=sys.stderr)  # such as that this machine cannot render
-        return time.monotonic() - begun
-    reason = (done.stderr or done.stdout).strip().splitlines() or [f"exit status {done.returncode}"]
-    print(f"softmodels: the pictures could not be drawn ({reason[-1]}); the results are complete", file=sys.stderr)
-    return None

@@ -19,6 +19,7 @@ from measurement.own_folder import OwnFolderError
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import GaugeError
 from softmodels.cli.closing import close
+from softmodels.cli.drawing import Drawing
 from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.contact import ObstacleError
@@ -85,12 +86,15 @@ def run(case: Case, folder: Path | None, **how: Unpack[How]) -> int:
     results: Results | None = None
     progress = Progress(case.values[-1], case.unit, state_words(case), quiet or not is_root(comm))
     status, message = DONE, ""
+    drawing = Drawing(case) if draw and is_root(comm) else None
     try:
         with progress, how.get("interrupts", _nobody)() as stopped:
             results, resumed = begin_together(
                 case, folder, how.get("resume", False), comm, draw=draw, inputs=how.get("inputs", ())
             )
             progress.say(f"results go to {results.own.path}")
+            if drawing is not None:
+                drawing.get_ready(comm.size)
             record(Simulation(case, comm, progress, stopped), results, resumed, how.get("branch", False))
     except BaseException as error:  # a caller's Ctrl-C among them
         # What PETSc refuses before anything is solved are the words it was given.
@@ -98,9 +102,11 @@ def run(case: Case, folder: Path | None, **how: Unpack[How]) -> int:
         if ended is None:
             if results is not None and is_root(comm):
                 results.own.leave()
+            if drawing is not None:
+                drawing.leave()
             raise
         status, message = ended
-    return on_root(comm, lambda: _end(case, results, status, message, quiet, draw))
+    return on_root(comm, lambda: _end(case, results, status, message, quiet, drawing))
 
 
 def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str] | None:
@@ -139,12 +145,14 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
     return None
 
 
-def _end(case: Case, results: Results | None, status: int, message: str, quiet: bool, draw: bool) -> int:
+def _end(case: Case, results: Results | None, status: int, message: str, quiet: bool, drawing: Drawing | None) -> int:
     """Close the run and let go of its folder."""
     if results is None:
         print(f"softmodels: {bounded(message)}", file=sys.stderr)
         return status
     try:
-        return close(case, results, status, message, quiet, draw)
+        return close(case, results, status, message, quiet, drawing)
     finally:
+        if drawing is not None:
+            drawing.leave()
         results.own.leave()

@@ -6,6 +6,8 @@ first and need no rendering; a machine that cannot render still gets them, and t
 
 from __future__ import annotations
 
+import contextlib
+import json
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -20,7 +22,6 @@ from measurement.own_folder import PATIENCE, OwnFolderError
 from softmodels.case.case import Case, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.pictures import (
-    film,
     hot_spots,
     outline_curves,
     path_curves,
@@ -29,6 +30,7 @@ from softmodels.pictures import (
     section_pictures,
     solid_pictures,
 )
+from softmodels.pictures.film_beside import Film
 from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.rigid_bodies import draw_outlines
 from softmodels.pictures.style import STYLE, headline
@@ -38,7 +40,7 @@ from softmodels.results.picture_files import picture_files, picture_folder
 from softmodels.results.store import ResultsError
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array
-from softmodels.results.writing import replace, write_bytes
+from softmodels.results.writing import replace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,13 +62,14 @@ class Folder:
         self.written.append(self.path / f"{name}.png")
 
 
-def draw(folder: Path, name: str, say: Callable[[str], object] = print) -> list[Path]:
+def draw(folder: Path, name: str, say: Callable[[str], object] = print, *, beside: bool = False) -> list[Path]:
     """Draw all pictures of a folder of results into it, with its film and report; those of before are taken away.
 
     Args:
         folder: Results with their ``case.toml``.
         name: Stem of the result files.
         say: Gets a sentence if something had to be left out.
+        beside: Make the film in a process beside this one, which must not have rendered anything yet.
 
     Returns:
         The files written.
@@ -88,22 +91,26 @@ def draw(folder: Path, name: str, say: Callable[[str], object] = print) -> list[
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
-        written = _draw(states, folder, name, say)
+        written = _draw(states, folder, name, say, beside)
         own.forget_unwritten()
         return written
     finally:
         own.leave()
 
 
-def _draw(states: States, folder: Path, name: str, say: Callable[[str], object]) -> list[Path]:
+def _draw(states: States, folder: Path, name: str, say: Callable[[str], object], beside: bool) -> list[Path]:
     shown, out = look(states), Folder(folder)
-    with matplotlib.rc_context(STYLE):
+    filming = Film(shown, folder, beside) if can_render() else contextlib.nullcontext()
+    with filming as film, matplotlib.rc_context(STYLE):
         _curves(states, out)
         if states.actuator.dimension == 2:
             _sections(states, out)
-        if can_render():
+        if film is not None:
             _solids(shown, out)
-            _film(shown, out, say)
+            written, left_out = film.made()
+            out.written += written
+            for text in left_out:
+                say(text)
         else:
             say(NO_RENDERING)
         out.written.append(report.write(shown, folder, name))
@@ -204,19 +211,6 @@ def _solids(shown: Look, out: Folder) -> None:
     out.save("cut", solid_pictures.cut(shown))
 
 
-def _film(shown: Look, out: Folder, say: Callable[[str], object]) -> None:
-    frames = film.frames(shown)
-    for name, encoded in (("film.gif", film.gif), ("film.webp", film.webp)):
-        write_bytes(out.path / name, encoded(frames))
-        out.written.append(out.path / name)
-    if film.can_mp4():
-        try:
-            film.write_mp4(out.path / "film.mp4", frames)
-            out.written.append(out.path / "film.mp4")
-        except RuntimeError as error:
-            say(str(error))
-
-
 def draw_folder(folder: Path, name: str | None = None) -> None:
     """Draw a folder's pictures, film and report for a command: names the files, or says why not and exits with status 2.
 
@@ -230,7 +224,7 @@ def draw_folder(folder: Path, name: str | None = None) -> None:
             if not (folder / "case.toml").exists():
                 raise ResultsError(f"{folder} holds no results (there is no case.toml in it)")
             name = Case.from_file(folder / "case.toml").name
-        for path in draw(folder, name, lambda text: print(f"softmodels: {text}", file=sys.stderr)):
+        for path in draw(folder, name, lambda text: print(f"softmodels: {text}", file=sys.stderr), beside=True):
             print(path)
     except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
         print(f"softmodels: {error}", file=sys.stderr)
@@ -240,14 +234,30 @@ def draw_folder(folder: Path, name: str | None = None) -> None:
         sys.exit(2)
 
 
+def get_ready() -> None:
+    """Load what renders and see whether this machine can, before there is anything to draw."""
+    import pyvista.plotting  # noqa: F401
+
+    can_render()
+
+
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=click.Path(path_type=Path), required=False)
 @click.option("--name", help="Stem of the result files.  [default: the case's name]")
-def main(folder: Path, name: str | None) -> None:
+def main(folder: Path | None, name: str | None) -> None:
     """Draw the pictures, the film and the report of the results in FOLDER.
+
+    Without FOLDER: get ready, then read the folder's and the results' name from standard input, as a list in JSON; nothing is
+    drawn if that ends first. A run starts it so beside itself.
 
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
+    if folder is None:
+        get_ready()
+        if not (order := sys.stdin.readline()):
+            return
+        place, name = json.loads(order)
+        folder = Path(place)
     draw_folder(folder, name)
 
 

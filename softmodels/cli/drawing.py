@@ -1,0 +1,66 @@
+"""The process that draws a run: started with the run, so that it is ready when there is something to draw."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import time
+
+from geometries.apart import interpreter
+from softmodels.case.case import Case
+from softmodels.case.own_modules import VARIABLE, own_modules
+from softmodels.results.store import Results
+
+
+class Drawing:
+    """Draws the pictures, the film and the report of a run in a process of its own, for VTK and DOLFINx each bring an HDF5.
+
+    Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that.
+    What it draws has one camera and one colour scale for all states, and so waits for the last of them.
+
+    Args:
+        case: What is run.
+    """
+
+    def __init__(self, case: Case):
+        self.case = case
+        self._process: subprocess.Popen[str] | None = None
+
+    def get_ready(self, ranks: int) -> None:
+        """Start the process, if there are more cores than ranks."""
+        with contextlib.suppress(OSError):  # tried again, and reported, when there is something to draw
+            cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+            if cores > ranks:
+                self._process = self._started()
+
+    def _started(self) -> subprocess.Popen[str]:
+        inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
+        inherited[VARIABLE] = own_modules(self.case)
+        command = [*interpreter(), "-m", "softmodels.pictures.draw"]
+        pipe = subprocess.PIPE
+        return subprocess.Popen(command, env=inherited, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+
+    def draw(self, results: Results) -> float | None:
+        """Draw the results; the seconds it took, None if it failed, which is reported and costs no results.
+
+        Raises:
+            OSError: No process can be started.
+        """
+        begun = time.monotonic()
+        process = self._process = self._process or self._started()
+        out, errors = process.communicate(json.dumps([str(results.folder.absolute()), results.name]) + "\n")
+        if process.returncode == 0:
+            print(errors, end="", file=sys.stderr)  # such as that this machine cannot render
+            return time.monotonic() - begun
+        reason = (errors or out).strip().splitlines() or [f"exit status {process.returncode}"]
+        print(f"softmodels: the pictures could not be drawn ({reason[-1]}); the results are complete", file=sys.stderr)
+        return None
+
+    def leave(self) -> None:
+        """End the process, whatever it is at."""
+        if self._process is not None and self._process.poll() is None:
+            self._process.kill()
+            self._process.communicate()
