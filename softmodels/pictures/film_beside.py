@@ -6,7 +6,9 @@ The process is forked before anything is rendered, since a window to render in d
 from __future__ import annotations
 
 import multiprocessing
+import os
 import sys
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
@@ -67,13 +69,18 @@ class Film:
         return outcome
 
 
-def make(shown: Look, folder: Path) -> Made:
-    """Render the frames and write the film in each format."""
-    frames, written, left_out = film.frames(shown), [], []
+def make(shown: Look, folder: Path, wanted: Callable[[], bool] = lambda: True) -> Made:
+    """Render the frames and write the film in each format, as long as it is wanted."""
+    frames = film.frames(shown)
+    written: list[Path] = []
+    left_out: list[str] = []
     for name, encoded in (("film.gif", film.gif), ("film.webp", film.webp)):
-        write_bytes(folder / name, encoded(frames))
+        data = encoded(frames)
+        if not wanted():
+            return written, left_out
+        write_bytes(folder / name, data)
         written.append(folder / name)
-    if film.can_mp4():
+    if film.can_mp4() and wanted():
         try:
             film.write_mp4(folder / "film.mp4", frames)
             written.append(folder / "film.mp4")
@@ -83,7 +90,9 @@ def make(shown: Look, folder: Path) -> Made:
 
 
 def _answer_to(answer: Connection, shown: Look, folder: Path) -> None:
+    asked_by = os.getppid()
     try:
-        answer.send(make(shown, folder))
+        # A folder whose drawing was broken off may be another run's by now.
+        answer.send(make(shown, folder, lambda: os.getppid() == asked_by))
     except OSError as error:
         answer.send(error)
