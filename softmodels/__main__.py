@@ -88,11 +88,13 @@ def softmodels() -> None:
 
 @softmodels.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
-def draw(folder: Path) -> None:
+@click.option("--pictures", type=click.Choice(("all", "few")), default="all", show_default=True,
+              help="few: the curves, the stress and the report alone.")  # fmt: skip
+def draw(folder: Path, pictures: str) -> None:
     """Make the pictures, the film and the report of the results in FOLDER anew."""
     from softmodels.pictures.draw import draw_folder
 
-    draw_folder(folder)
+    draw_folder(folder, few=pictures == "few")
 
 
 @softmodels.command("doctor")

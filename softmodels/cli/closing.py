@@ -30,7 +30,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             results.own.forget_unwritten()
             if drawing is not None and status in (DONE, NO_EQUILIBRIUM):
                 if not quiet:
-                    print("drawing pictures, film and report (--no-pictures leaves them out)", file=sys.stderr)
+                    print(drawing.begins, file=sys.stderr)
                 took = drawing.draw(results)
         except (OSError, OwnFolderError) as error:
             status = status or FAILED

@@ -23,11 +23,19 @@ class Drawing:
 
     Args:
         case: What is run.
+        few: Draw the curves, the stress and the report alone.
     """
 
-    def __init__(self, case: Case):
-        self.case = case
+    def __init__(self, case: Case, few: bool = False):
+        self.case, self.few = case, few
         self._process: subprocess.Popen[str] | None = None
+
+    @property
+    def begins(self) -> str:
+        """What is reported before it."""
+        if self.few:
+            return "drawing curves, stress and report (--pictures all draws all, --pictures none nothing)"
+        return "drawing pictures, film and report (--pictures few draws fewer, --pictures none nothing)"
 
     def get_ready(self, ranks: int) -> None:
         """Start the process, if there are more cores than ranks."""
@@ -51,7 +59,7 @@ class Drawing:
         """
         begun = time.monotonic()
         process = self._process = self._process or self._started()
-        out, errors = process.communicate(json.dumps([str(results.folder.absolute()), results.name]) + "\n")
+        out, errors = process.communicate(json.dumps([str(results.folder.absolute()), results.name, self.few]) + "\n")
         if process.returncode == 0:
             print(errors, end="", file=sys.stderr)  # such as that this machine cannot render
             return time.monotonic() - begun

@@ -52,6 +52,7 @@ class RunOptions:
         output: Folder for the results; None for the default.
         resume: Go on from an interrupted run.
         quiet: Report errors alone.
+        pictures: How much is drawn: all, few or none.
         no_pictures: Draw nothing.
         branch: Follow the branch at the first bifurcation too.
         petsc: Words for PETSc.
@@ -60,15 +61,20 @@ class RunOptions:
     output: Path | None
     resume: bool
     quiet: bool
+    pictures: str
     no_pictures: bool
     branch: bool
     petsc: tuple[str, ...]
 
 
 def run_options[Command: Callable[..., object]](command: Command) -> Command:
-    """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--no-pictures``, PETSc's words."""
+    """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--pictures``, PETSc's words."""
     command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
-    command = click.option("--no-pictures", is_flag=True, help="Leave pictures, film and report out.")(command)
+    command = click.option("--no-pictures", is_flag=True, help="The same as --pictures none.")(command)
+    text = "Pictures, film and report; few: the curves, the stress and the report alone."
+    command = click.option(
+        "--pictures", type=click.Choice(("all", "few", "none")), default="all", show_default=True, help=text
+    )(command)
     text = "Follow the branch that leaves the path at its first bifurcation too, into the folder branch."
     command = click.option("--branch", is_flag=True, help=text)(command)
     command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
@@ -130,7 +136,8 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
         with stoppable("softmodels", speaks):
             start(how.petsc)
         status = run(
-            ready, how.output, resume=how.resume, quiet=how.quiet, petsc=how.petsc, draw=not how.no_pictures,
+            ready, how.output, resume=how.resume, quiet=how.quiet, petsc=how.petsc,
+            draw=how.pictures != "none" and not how.no_pictures, few=how.pictures == "few",
             branch=how.branch, inputs=inputs, interrupts=asked_to_stop,
         )  # fmt: skip
     except StartError as error:

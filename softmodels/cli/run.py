@@ -51,6 +51,7 @@ class How(TypedDict, total=False):
         quiet: Only errors are reported.
         petsc: Words for PETSc's option database.
         draw: Make the pictures at the end, which is the default.
+        few: Of them the curves, the stress and the report alone.
         branch: Follow the branch that leaves the path at its first bifurcation too, into the folder ``branch``.
         inputs: Files that the user has given: they are never written.
         interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
@@ -61,6 +62,7 @@ class How(TypedDict, total=False):
     quiet: bool
     petsc: Sequence[str]
     draw: bool
+    few: bool
     branch: bool
     inputs: Sequence[Path]
     interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]]
@@ -86,7 +88,7 @@ def run(case: Case, folder: Path | None, **how: Unpack[How]) -> int:
     results: Results | None = None
     progress = Progress(case.values[-1], case.unit, state_words(case), quiet or not is_root(comm))
     status, message = DONE, ""
-    drawing = Drawing(case) if draw and is_root(comm) else None
+    drawing = Drawing(case, how.get("few", False)) if draw and is_root(comm) else None
     try:
         with progress, how.get("interrupts", _nobody)() as stopped:
             results, resumed = begin_together(

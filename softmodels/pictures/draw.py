@@ -62,14 +62,17 @@ class Folder:
         self.written.append(self.path / f"{name}.png")
 
 
-def draw(folder: Path, name: str, say: Callable[[str], object] = print, *, beside: bool = False) -> list[Path]:
-    """Draw all pictures of a folder of results into it, with its film and report; those of before are taken away.
+def draw(
+    folder: Path, name: str, say: Callable[[str], object] = print, *, beside: bool = False, few: bool = False
+) -> list[Path]:
+    """Draw the pictures of a folder of results into it, with its film and report; those of before are taken away.
 
     Args:
         folder: Results with their ``case.toml``.
         name: Stem of the result files.
         say: Gets a sentence if something had to be left out.
         beside: Make the film in a process beside this one, which must not have rendered anything yet.
+        few: Draw the curves, the stress and the report alone.
 
     Returns:
         The files written.
@@ -91,29 +94,48 @@ def draw(folder: Path, name: str, say: Callable[[str], object] = print, *, besid
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
-        written = _draw(states, folder, name, say, beside)
+        out = Folder(folder)
+        written = _draw_few(states, out, name, say) if few else _draw(states, out, name, say, beside)
         own.forget_unwritten()
         return written
     finally:
         own.leave()
 
 
-def _draw(states: States, folder: Path, name: str, say: Callable[[str], object], beside: bool) -> list[Path]:
-    shown, out = look(states), Folder(folder)
-    filming = Film(shown, folder, beside) if can_render() else contextlib.nullcontext()
+def _draw(states: States, out: Folder, name: str, say: Callable[[str], object], beside: bool) -> list[Path]:
+    """All there is."""
+    shown = look(states)
+    filming = Film(shown, out.path, beside) if can_render() else contextlib.nullcontext()
     with filming as film, matplotlib.rc_context(STYLE):
         _curves(states, out)
         if states.actuator.dimension == 2:
             _sections(states, out)
         if film is not None:
             _solids(shown, out)
+            _stress(shown, out)
+            out.save("cut", solid_pictures.cut(shown))
             written, left_out = film.made()
             out.written += written
             for text in left_out:
                 say(text)
         else:
             say(NO_RENDERING)
-        out.written.append(report.write(shown, folder, name))
+        out.written.append(report.write(shown, out.path, name))
+    return out.written
+
+
+def _draw_few(states: States, out: Folder, name: str, say: Callable[[str], object]) -> list[Path]:
+    """What shows most for the time it takes."""
+    shown = look(states)
+    with matplotlib.rc_context(STYLE):
+        _curves(states, out)
+        if states.actuator.dimension == 2:
+            _slice(states, out)
+        if can_render():
+            _stress(shown, out)
+        else:
+            say(NO_RENDERING)
+        out.written.append(report.write(shown, out.path, name))
     return out.written
 
 
@@ -170,11 +192,7 @@ def _sections(states: States, out: Folder) -> None:
     step, words = states.main, states.words
     points, moved, cells = states.points, states.moved(step), states.cells
     out.save("mesh", section_pictures.section_mesh(points, cells))
-    values = states.field(step, "von_mises_stress")
-    plate = _plate(states)
-    stress = section_pictures.section_stress(points, moved, cells, values, states.rows[step], words, plate)
-    draw_outlines(stress.axes[0], states.case)
-    out.save("slice", stress)
+    _slice(states, out)
     if (at := states.bifurcation) is not None:
         out.save(
             "mode",
@@ -186,10 +204,20 @@ def _sections(states: States, out: Folder) -> None:
     out.save("hot-spots", section_pictures.section_hot(moved, cells, stretch, hot, states.rows[step]))
 
 
+def _slice(states: States, out: Folder) -> None:
+    """The stress in a section."""
+    step, plate = states.main, _plate(states)
+    points, moved, values = states.points, states.moved(step), states.field(step, "von_mises_stress")
+    stress = section_pictures.section_stress(
+        points, moved, states.cells, values, states.rows[step], states.words, plate
+    )
+    draw_outlines(stress.axes[0], states.case)
+    out.save("slice", stress)
+
+
 def _solids(shown: Look, out: Folder) -> None:
-    """Rendered pictures of the solid."""
+    """Rendered pictures of the solid, but for the stress."""
     states = shown.states
-    rows, words = states.rows, states.words
     out.save("undeformed", solid_pictures.undeformed(shown))
     if states.actuator.dimension == 3:
         out.save("mesh", solid_pictures.mesh(shown))
@@ -198,6 +226,11 @@ def _solids(shown: Look, out: Folder) -> None:
         out.save("hot-spots", solid_pictures.hot_spots(shown))
         if states.bifurcation is not None:
             out.save("mode", solid_pictures.mode(shown, states.bifurcation))
+
+
+def _stress(shown: Look, out: Folder) -> None:
+    """The solid with its stress at the requested values."""
+    rows, words = shown.states.rows, shown.states.words
     images, camera, scale = solid_pictures.stress(shown)
     texts = {
         "Camera": camera.text,
@@ -208,15 +241,15 @@ def _solids(shown: Look, out: Folder) -> None:
         title = headline(rows[step], words)
         out.save(f"stress-{k}", solid_pictures.page(image, title, scale), {**texts, "Title": title})
     out.save("stress", solid_pictures.sheet(images, rows, words, scale), texts)
-    out.save("cut", solid_pictures.cut(shown))
 
 
-def draw_folder(folder: Path, name: str | None = None) -> None:
+def draw_folder(folder: Path, name: str | None = None, few: bool = False) -> None:
     """Draw a folder's pictures, film and report for a command: names the files, or says why not and exits with status 2.
 
     Args:
         folder: Results with their ``case.toml``.
         name: Stem of the result files; None for the case's own name.
+        few: Draw the curves, the stress and the report alone.
     """
     try:
         import_own_modules()
@@ -224,7 +257,11 @@ def draw_folder(folder: Path, name: str | None = None) -> None:
             if not (folder / "case.toml").exists():
                 raise ResultsError(f"{folder} holds no results (there is no case.toml in it)")
             name = Case.from_file(folder / "case.toml").name
-        for path in draw(folder, name, lambda text: print(f"softmodels: {text}", file=sys.stderr), beside=True):
+
+        def say(text: str) -> None:
+            print(f"softmodels: {text}", file=sys.stderr)
+
+        for path in draw(folder, name, say, beside=True, few=few):
             print(path)
     except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
         print(f"softmodels: {error}", file=sys.stderr)
@@ -247,18 +284,19 @@ def get_ready() -> None:
 def main(folder: Path | None, name: str | None) -> None:
     """Draw the pictures, the film and the report of the results in FOLDER.
 
-    Without FOLDER: get ready, then read the folder's and the results' name from standard input, as a list in JSON; nothing is
-    drawn if that ends first. A run starts it so beside itself.
+    Without FOLDER: get ready, then read the folder, the results' name and whether to draw few from standard input, as a list
+    in JSON; nothing is drawn if that ends first. A run starts it so beside itself.
 
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
+    few = False
     if folder is None:
         get_ready()
         if not (order := sys.stdin.readline()):
             return
-        place, name = json.loads(order)
+        place, name, few = json.loads(order)
         folder = Path(place)
-    draw_folder(folder, name)
+    draw_folder(folder, name, few)
 
 
 if __name__ == "__main__":

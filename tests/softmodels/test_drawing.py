@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ from softmodels.cli import drawing as module
 from softmodels.cli.drawing import Drawing
 from softmodels.pictures import film, film_beside
 from softmodels.pictures.film_beside import Film
+from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.viewpoint import look
 from softmodels.results.stored import States
 
@@ -39,6 +41,26 @@ def test_a_process_that_was_ready_draws(section, drawing, monkeypatch, capsys):
     assert drawing.draw(section) > 0 and drawing._process is begun
     assert (section.folder / "report.html").exists() and (section.folder / "slice.png").exists()
     assert "could not" not in capsys.readouterr().err
+
+
+def test_few_pictures_are_the_curves_the_stress_and_the_report(section, runs):
+    """And those that were drawn before and are not among them are taken away."""
+    assert runs.run("-m", "softmodels", "draw", section.folder).status == 0
+    assert {"film.gif", "cut.png"} <= {file.name for file in section.folder.iterdir()} or not can_render()
+    done = runs.run("-m", "softmodels", "draw", section.folder, "--pictures", "few")
+    rendered = {"stress.png", "stress-1.png", "stress-2.png"} if can_render() else set()
+    names = {"apex.png", "profile.png", "slice.png", "report.html", *rendered}
+    assert done.status == 0 and {Path(line).name for line in done.out.split()} == names
+    assert {
+        file.name for file in section.folder.iterdir() if file.suffix in (".png", ".gif", ".webp", ".html")
+    } == names
+
+
+@pytest.mark.parametrize("words", [("--pictures", "none"), ("--no-pictures",)])
+def test_none_are_drawn_if_none_are_wanted(words, runs, tmp_path):
+    disk = ("-m", "softmodels.disk", "--section=axisymmetric", "--pressure-cm=0,5", "--output", tmp_path / "disk")
+    done = runs.run(*disk, *words)
+    assert done.status == 0 and not list((tmp_path / "disk").glob("*.png"))
 
 
 def test_no_core_is_taken_from_the_solver(drawing, monkeypatch):
