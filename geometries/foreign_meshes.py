@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
+from geometries.joined import joined
 from geometries.tetrahedra import TO_GMSH, Ints, Tetrahedra
 
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
@@ -160,14 +161,11 @@ def _filled(file: str, found: Any, unit: float, cell_size: float) -> Tetrahedra:
 
 def _joined(points: NDArray[np.float64], triangles: Ints) -> tuple[NDArray[np.float64], Ints]:
     """An STL file's triangles with common corners: it lists each corner with each triangle anew."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
-    bonds = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
-    _, group = connected_components(bonds, directed=False)
+    group = joined(pairs, len(points))
     _, first = np.unique(group, return_index=True)
     triangles = group[triangles]
     ends = np.sort(triangles, axis=1)

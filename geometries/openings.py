@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.errors import GeometryError
+from geometries.joined import joined_by
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator, Hold, Vector
@@ -149,17 +150,8 @@ def _rim(group: tuple[int, int], space: int) -> Ints:
 
 def _pieces(edges: Ints) -> list[Ints]:
     """Edges that hang together by their nodes."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    if not len(edges):
-        return []
-    _, node = np.unique(edges, return_inverse=True)
-    node = node.reshape(edges.shape)
-    owner = np.repeat(np.arange(len(edges)), edges.shape[1])
-    bond = coo_array((np.ones(node.size), (owner, node.ravel())))
-    count, label = connected_components(bond @ bond.T, directed=False)
-    return [edges[label == k] for k in range(count)]
+    group = joined_by(edges)
+    return [edges[group == k] for k in range(group.max(initial=-1) + 1)]
 
 
 def _plane(actuator: Actuator, places: NDArray[np.float64]) -> Vector | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from geometries.actuator import Vector
 from geometries.errors import GeometryError
+from geometries.joined import joined_by
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -111,15 +112,10 @@ class Tetrahedra:
         Args:
             among: Numbers of triangles.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
         edges = np.sort(self.triangles[among][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         _, edge = np.unique(edges, axis=0, return_inverse=True)
-        owner, count = np.repeat(np.arange(len(among)), 3), int(edge.max(initial=-1)) + 1
-        bond = coo_array((np.ones(len(edge)), (owner, edge)), shape=(len(among), count))
-        found, label = connected_components(bond @ bond.T, directed=False)
-        return [among[label == i] for i in range(found)]
+        group = joined_by(edge.reshape(-1, 3))
+        return [among[group == i] for i in range(group.max(initial=-1) + 1)]
 
     def named(self, name: str) -> Ints:
         """Boundary triangles all of whose corners have a name of the file."""

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from softmodels.mechanics.newton import NoConvergence
 
@@ -70,7 +69,7 @@ def lowest(
             w.maxpy([-share for share in w.mDot(images)], basis)
         M.mult(w, image)
         length = max(w.dot(image), 0.0) ** 0.5
-        values, vectors = scipy.linalg.eigh_tridiagonal(diagonal, beside)
+        values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(beside, -1))  # of which it reads the lower half
         below = int(np.count_nonzero(values < -ROUNDING * np.abs(values).max()))
         if below > negatives:
             break
@@ -90,3 +89,18 @@ def grown(square: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> n
     """A symmetric matrix with one more column and row."""
     column = np.asarray(column)
     return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
+
+
+def generalised(
+    A: npt.NDArray[np.float64], C: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Eigenvalues, rising, and vectors as columns of A x = value C x for small symmetric matrices, x of length 1 in C.
+
+    NumPy has no routine for two matrices, and SciPy's takes longer to load than a section's path to solve.
+
+    Raises:
+        numpy.linalg.LinAlgError: C is not positive definite.
+    """
+    inverse = np.linalg.inv(np.linalg.cholesky(C))
+    values, vectors = np.linalg.eigh(inverse @ A @ inverse.T)
+    return values, inverse.T @ vectors

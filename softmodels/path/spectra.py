@@ -8,14 +8,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.region_space import entries_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.davidson import Pencil, nearest
-from softmodels.path.lanczos import grown, lowest
+from softmodels.path.lanczos import generalised, grown, lowest
 from softmodels.path.modes import ShiftInvert
 
 if TYPE_CHECKING:
@@ -116,7 +115,7 @@ class Factorised(Spectrum):
                 M.mult(x, Mx)
                 basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
                 A, C = grown(A, Kx.mDot(basis)), grown(C, Mx.mDot(basis))
-            values, vectors = scipy.linalg.eigh(A, C)
+            values, vectors = generalised(A, C)
             # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
             likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
             chosen = int(np.argmax(likeness))

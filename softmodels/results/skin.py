@@ -10,9 +10,9 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from geometries import Actuator
+from geometries.joined import joined
 from geometries.symmetry import reflected
 from softmodels.results.triangles import Array, Cells, border, outer_faces
 
@@ -148,8 +148,7 @@ def skin_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) -> 
 def _parts(points: Array, corners: Cells) -> Cells:
     """`OUTSIDE` or the number of the cavity for each face, from what hangs together; shape (f, corners) to (f,)."""
     pairs = np.concatenate([corners[:, [0, k]] for k in range(1, corners.shape[1])])
-    graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
-    label = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][corners[:, 0]]
+    label = joined(pairs, len(points))[corners[:, 0]]
     names = np.unique(label)
     size = [np.linalg.norm(np.ptp(points[corners[label == name].ravel()], axis=0)) for name in names]
     numbers = {name: number for number, name in enumerate(names[np.argsort(size)[::-1]])}
@@ -203,9 +202,8 @@ def _creased(points: Array, triangles: Cells, border_only: bool = False) -> tupl
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
     smooth = (normals[one // 3] * normals[other // 3]).sum(axis=1) > np.cos(np.radians(SHARP))
     pairs = np.concatenate([np.column_stack([corners[one[smooth], k], corners[other[smooth], k]]) for k in (0, 1)])
-    graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(triangles.size,) * 2)
-    count, vertex = scipy.sparse.csgraph.connected_components(graph, directed=False)
-    nodes = np.empty(count, dtype=np.int64)
+    vertex = joined(pairs, triangles.size)
+    nodes = np.empty(vertex.max() + 1, dtype=np.int64)
     nodes[vertex] = triangles.ravel()
     alone = np.ones(len(ends), dtype=bool)
     alone[one] = alone[other] = False
