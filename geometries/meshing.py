@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometries import kept_meshes
 from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
 from geometries.hushed import hushed
@@ -134,17 +135,27 @@ def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = boo
     except OSError as error:
         raise OSError(error.errno, f"cannot write in this folder: {error.strerror}", str(path.parent)) from None
     try:
-        if actuator.expected_cells <= QUICK:
-            _make(actuator, partial)
-        else:
-            apart(_make, actuator, partial, stopped=stopped)
-        # Gmsh does not tell of a full disk: its file then ends early.
-        if LAST_WORDS not in partial.read_bytes()[-2 * len(LAST_WORDS) :]:
+        kept = kept_meshes.take(actuator, partial) and _complete(partial)
+        if not kept:
+            if actuator.expected_cells <= QUICK:
+                _make(actuator, partial)
+            else:
+                apart(_make, actuator, partial, stopped=stopped)
+        if not _complete(partial):
             raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
+        if not kept:
+            kept_meshes.keep(actuator, partial)
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
     return path
+
+
+def _complete(path: Path) -> bool:
+    """Whether a mesh file is whole: Gmsh does not tell of a full disk, its file then ends early."""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - 2 * len(LAST_WORDS), 0))
+        return LAST_WORDS in file.read()
 
 
 def _make(actuator: Actuator, path: Path) -> None:

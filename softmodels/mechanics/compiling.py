@@ -7,6 +7,7 @@ the mark behind; the next one would wait for it in vain and fail.
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -42,7 +43,7 @@ def wait_for_cache(folder: Path, tell: Callable[[str], None], stopped: Callable[
     """
     told = False
     while not stopped():
-        ages = [age for age in map(_age, folder.glob("libffcx_*.c")) if age is not None]
+        ages = [age for age in map(_age, _unfinished(folder)) if age is not None]
         if not ages:
             return
         if not told:
@@ -56,6 +57,19 @@ def wait_for_cache(folder: Path, tell: Callable[[str], None], stopped: Callable[
 def mend_cache(comm: MPI.Comm) -> None:
     """Take away what a killed run has left half compiled, and wait for runs that compile; all ranks call it."""
     on_root(comm, lambda: wait_for_cache(cache(), lambda text: None, bool))
+
+
+def _unfinished(folder: Path) -> list[Path]:
+    """Sources whose modules are not marked as ready; of a cache with thousands of them no file is looked at."""
+    try:
+        names = {entry.name for entry in os.scandir(folder)}
+    except OSError:
+        return []
+    return [
+        folder / name
+        for name in sorted(names)
+        if name.startswith("libffcx_") and name.endswith(".c") and f"{name}.cached" not in names
+    ]
 
 
 def _age(source: Path) -> float | None:

@@ -6,10 +6,15 @@ would write, and ParaView would show each field on a grid of its own.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
 from softmodels.results.stored_step import StoredStep
+
+
+HERE = "\ue000"
+"""Where the steps go in the frame around them: a character for private use, which stands in no name."""
 
 
 def xdmf(name: str, heavy: str, shapes: tuple[int, tuple[int, ...], str], stored: Sequence[StoredStep]) -> bytes:
@@ -21,26 +26,41 @@ def xdmf(name: str, heavy: str, shapes: tuple[int, tuple[int, ...], str], stored
         shapes: Number of points, shape of the cells, and XDMF's name of them.
         stored: Where each step's fields are.
     """
-    points, cells, cell_name = shapes
     root = ElementTree.Element("Xdmf", Version="3.0")
     domain = ElementTree.SubElement(root, "Domain")
     series = ElementTree.SubElement(domain, "Grid", Name=name, GridType="Collection", CollectionType="Temporal")
-    for step in stored:
-        grid = ElementTree.SubElement(series, "Grid", Name=name, GridType="Uniform")
-        ElementTree.SubElement(grid, "Time", Value=str(step.row["step"]))
-        topology = ElementTree.SubElement(grid, "Topology", TopologyType=cell_name, NumberOfElements=str(cells[0]))
-        _item(topology, cells, f"{heavy}:/mesh/cells", "Int", "8")
-        _item(
-            ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"),
-            (points, 3),
-            f"{heavy}:/mesh/points",
-        )
-        for field, shape in step.shapes.items():
-            kind = "Scalar" if len(shape) == 1 else "Vector"
-            attribute = ElementTree.SubElement(grid, "Attribute", Name=field, AttributeType=kind, Center="Node")
-            _item(attribute, shape, f"{step.file}:{step.group}/{field}")
+    series.text = HERE
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    frame = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    steps = [
+        _grid(name, heavy, shapes, str(step.row["step"]), f"{step.file}:{step.group}", tuple(step.shapes.items()))
+        for step in stored
+    ]
+    return frame.replace(HERE.encode(), "".join([*steps, "\n    "]).encode())
+
+
+@functools.lru_cache(maxsize=4096)  # the file is written after each step, and the steps before have not changed
+def _grid(
+    name: str,
+    heavy: str,
+    shapes: tuple[int, tuple[int, ...], str],
+    number: str,
+    place: str,
+    fields: tuple[tuple[str, tuple[int, ...]], ...],
+) -> str:
+    """One step's part of the file."""
+    points, cells, cell_name = shapes
+    grid = ElementTree.Element("Grid", Name=name, GridType="Uniform")
+    ElementTree.SubElement(grid, "Time", Value=number)
+    topology = ElementTree.SubElement(grid, "Topology", TopologyType=cell_name, NumberOfElements=str(cells[0]))
+    _item(topology, cells, f"{heavy}:/mesh/cells", "Int", "8")
+    _item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), (points, 3), f"{heavy}:/mesh/points")
+    for field, shape in fields:
+        kind = "Scalar" if len(shape) == 1 else "Vector"
+        attribute = ElementTree.SubElement(grid, "Attribute", Name=field, AttributeType=kind, Center="Node")
+        _item(attribute, shape, f"{place}/{field}")
+    ElementTree.indent(grid, level=3)
+    return f"\n{3 * '  '}{ElementTree.tostring(grid, encoding='unicode')}"
 
 
 def _item(
