@@ -12,7 +12,6 @@ from xml.etree import ElementTree
 
 from softmodels.results.stored_step import StoredStep
 
-
 HERE = "\ue000"
 """Where the steps go in the frame around them: a character for private use, which stands in no name."""
 
