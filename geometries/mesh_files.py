@@ -16,9 +16,19 @@ from geometries.errors import MeshFileError
 START = re.compile(rb"\$MeshFormat\r?\n4\.1 0 8\r?\n\$EndMeshFormat\r?\n")
 """How a mesh file begins: MSH 4.1, text."""
 
+LAST_WORDS = b"$EndElements"
+"""How a complete one ends."""
+
 SECTION = re.compile(rb"^\$(\w+)\s*$", re.MULTILINE)
 SECTIONS = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 """Sections of a mesh file, in order; each ends with its name after "End"."""
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a mesh file is complete: Gmsh does not tell of a full disk, its file then ends early."""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - 2 * len(LAST_WORDS), 0))
+        return LAST_WORDS in file.read()
 
 
 def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int, int, str]]:

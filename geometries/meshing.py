@@ -20,7 +20,7 @@ from geometries import kept_meshes
 from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
 from geometries.hushed import hushed
-from geometries.mesh_files import load_mesh
+from geometries.mesh_files import is_whole, load_mesh
 from geometries.mirroring import mirror_mesh
 from measurement.signal_handlers import handlers_kept
 
@@ -53,9 +53,6 @@ SETTINGS = {
 
 DRAWN_IN = "Geometry.OCCTargetUnit"
 """Gmsh's option with the unit of a drawing's numbers; empty for the kernel's own, mm."""
-
-LAST_WORDS = b"$EndElements"
-"""How a complete mesh file ends."""
 
 LEAST_QUALITY = 0.05
 """Smallest quality (Gmsh's SICN) left alone; below it the mesher tries to improve the cells, at 0 it gives up."""
@@ -135,13 +132,13 @@ def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = boo
     except OSError as error:
         raise OSError(error.errno, f"cannot write in this folder: {error.strerror}", str(path.parent)) from None
     try:
-        kept = kept_meshes.take(actuator, partial) and _complete(partial)
+        kept = kept_meshes.take(actuator, partial) and is_whole(partial)
         if not kept:
             if actuator.expected_cells <= QUICK:
                 _make(actuator, partial)
             else:
                 apart(_make, actuator, partial, stopped=stopped)
-        if not _complete(partial):
+        if not is_whole(partial):
             raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
         if not kept:
             kept_meshes.keep(actuator, partial)
@@ -149,13 +146,6 @@ def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = boo
     finally:
         partial.unlink(missing_ok=True)
     return path
-
-
-def _complete(path: Path) -> bool:
-    """Whether a mesh file is whole: Gmsh does not tell of a full disk, its file then ends early."""
-    with path.open("rb") as file:
-        file.seek(max(path.stat().st_size - 2 * len(LAST_WORDS), 0))
-        return LAST_WORDS in file.read()
 
 
 def _make(actuator: Actuator, path: Path) -> None:

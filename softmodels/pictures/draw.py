@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +30,7 @@ from softmodels.pictures import (
     section_pictures,
     solid_pictures,
 )
+from softmodels.pictures.drawn_folder import DrawnFolder
 from softmodels.pictures.film_beside import Film
 from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.rigid_bodies import draw_outlines
@@ -40,26 +41,11 @@ from softmodels.results.picture_files import picture_files, picture_folder
 from softmodels.results.store import ResultsError
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array
-from softmodels.results.writing import replace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NO_RENDERING = "this machine cannot render, so the pictures of the solid and the film are left out; the rest is drawn"
-
-
-class Folder:
-    """Where pictures go; remembers what was written."""
-
-    def __init__(self, path: Path):
-        self.path = path
-        self.written: list[Path] = []
-
-    def save(self, name: str, figure: Figure, metadata: Mapping[str, str] | None = None) -> None:
-        """Write a figure as NAME.png, with texts in its header."""
-        texts = dict(metadata or {})
-        replace(self.path / f"{name}.png", lambda path: figure.savefig(path, format="png", metadata=texts))
-        self.written.append(self.path / f"{name}.png")
 
 
 def draw(
@@ -94,7 +80,7 @@ def draw(
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
-        out = Folder(folder)
+        out = DrawnFolder(folder)
         written = _draw_few(states, out, name, say) if few else _draw(states, out, name, say, beside)
         own.forget_unwritten()
         return written
@@ -102,7 +88,7 @@ def draw(
         own.leave()
 
 
-def _draw(states: States, out: Folder, name: str, say: Callable[[str], object], beside: bool) -> list[Path]:
+def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], object], beside: bool) -> list[Path]:
     """All there is."""
     shown = look(states)
     filming = Film(shown, out.path, beside) if can_render() else contextlib.nullcontext()
@@ -124,7 +110,7 @@ def _draw(states: States, out: Folder, name: str, say: Callable[[str], object], 
     return out.written
 
 
-def _draw_few(states: States, out: Folder, name: str, say: Callable[[str], object]) -> list[Path]:
+def _draw_few(states: States, out: DrawnFolder, name: str, say: Callable[[str], object]) -> list[Path]:
     """What shows most for the time it takes."""
     shown = look(states)
     with matplotlib.rc_context(STYLE):
@@ -139,7 +125,7 @@ def _draw_few(states: States, out: Folder, name: str, say: Callable[[str], objec
     return out.written
 
 
-def _curves(states: States, out: Folder) -> None:
+def _curves(states: States, out: DrawnFolder) -> None:
     actuator = states.actuator
     if states.case.program:
         out.save(actuator.gauge, program_curves.steps(states.rows, states.words))
@@ -187,7 +173,7 @@ def _plate(states: States) -> float | None:
     return point[2] if abs(normal[2]) > 1 - 1e-12 else None
 
 
-def _sections(states: States, out: Folder) -> None:
+def _sections(states: States, out: DrawnFolder) -> None:
     """What an axisymmetric section shows best flat."""
     step, words = states.main, states.words
     points, moved, cells = states.points, states.moved(step), states.cells
@@ -204,7 +190,7 @@ def _sections(states: States, out: Folder) -> None:
     out.save("hot-spots", section_pictures.section_hot(moved, cells, stretch, hot, states.rows[step]))
 
 
-def _slice(states: States, out: Folder) -> None:
+def _slice(states: States, out: DrawnFolder) -> None:
     """The stress in a section."""
     step, plate = states.main, _plate(states)
     points, moved, values = states.points, states.moved(step), states.field(step, "von_mises_stress")
@@ -215,7 +201,7 @@ def _slice(states: States, out: Folder) -> None:
     out.save("slice", stress)
 
 
-def _solids(shown: Look, out: Folder) -> None:
+def _solids(shown: Look, out: DrawnFolder) -> None:
     """Rendered pictures of the solid, but for the stress."""
     states = shown.states
     out.save("undeformed", solid_pictures.undeformed(shown))
@@ -228,7 +214,7 @@ def _solids(shown: Look, out: Folder) -> None:
             out.save("mode", solid_pictures.mode(shown, states.bifurcation))
 
 
-def _stress(shown: Look, out: Folder) -> None:
+def _stress(shown: Look, out: DrawnFolder) -> None:
     """The solid with its stress at the requested values."""
     rows, words = shown.states.rows, shown.states.words
     images, camera, scale = solid_pictures.stress(shown)

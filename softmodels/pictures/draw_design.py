@@ -18,7 +18,7 @@ from softmodels.case.case import Case, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.pictures import design_curves, design_shapes
 from softmodels.pictures.design_files import CAPTIONS, REPORT
-from softmodels.pictures.draw import Folder
+from softmodels.pictures.drawn_folder import DrawnFolder
 from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.style import STYLE
 from softmodels.results.store import ResultsError
@@ -41,7 +41,7 @@ def draw(folder: Path) -> list[Path]:
     except (OSError, ValueError):
         raise ResultsError(f"{folder} holds no design (design.json)") from None
     before, after = (_states(folder / name) for name in ("before", "after"))
-    out, actuator = Folder(folder), before.actuator
+    out, actuator = DrawnFolder(folder), before.actuator
     with matplotlib.rc_context(STYLE):
         out.save("paths", design_curves.paths(before.rows, after.rows, actuator.gauge, before.case.cm))
         out.save("history", design_curves.history(told))

@@ -9,8 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometries import HollowDisk
+from geometries import HollowDisk, kept_meshes
 from geometries.meshing import private_model
+
+
+@pytest.fixture(autouse=True)
+def _meshed_anew(monkeypatch, request):
+    """These tests are about making meshes; none is taken from those kept, but where that is what is tested."""
+    if "made" not in request.fixturenames:
+        monkeypatch.setattr(kept_meshes, "take", lambda actuator, path: False)
 
 
 @dataclasses.dataclass

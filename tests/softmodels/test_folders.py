@@ -189,11 +189,13 @@ def test_every_field_of_a_case_counts():
     """Also of what is inside it, and nothing by the place where it happens to be in memory."""
     plain = Case("disk", HollowDisk(), DEFAULT, (10.0,))
     texts = identity(dataclasses.replace(plain, obstacle=Obstacle("top", "z = 20 mm")))
-    assert {field.name for field in dataclasses.fields(Case)} <= {name.split(".")[0] for name in texts}
+    counting = {field.name for field in dataclasses.fields(Case)} - {"solver"}  # either one finds the same states
+    assert counting <= {name.split(".")[0] for name in texts}
     assert {"actuator.membrane", "material.shear_modulus", "obstacle.stiffness"} <= texts.keys()
     assert not any(" at 0x" in text for text in texts.values())
     assert difference(identity(plain), texts) == "obstacle"
     assert difference(identity(plain), identity(dataclasses.replace(plain, pressures_cm=(10.0, 20.0)))) is None
+    assert identity(plain) == identity(dataclasses.replace(plain, solver="iterative"))
     assert identity(plain) == identity(Case.from_toml(plain.to_toml()))
 
 
