@@ -20,13 +20,14 @@ class KeptFactorisation:
     Attributes:
         base: The state at which it was made; None if there is none, or it was made at an iterate.
         age: Iterations of the linear solver since.
+        made: How many states it was made for, or made ready for.
         worn: Whether the last solve took so many of them that it is replaced at the next one.
     """
 
     def __init__(self, system: System, bordered: Bordered):
         self.system, self.bordered = system, bordered
         self.base: State | None = None
-        self.age, self.worn = 0, False
+        self.age, self.made, self.worn = 0, 0, False
 
     def make(self, base: State | None) -> None:
         """Factorise the tangent of the current state, which is ``base`` or an iterate.
@@ -40,6 +41,7 @@ class KeptFactorisation:
         else:
             self.bordered.refresh()
         self.base, self.worn = base, False
+        self.made += 1
 
     def set_columns(self) -> npt.NDArray[np.float64]:
         """Put the current state's loads in the border; each cavity's load of a unit pressure, shape (k, n)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import contextlib
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.region_space import entries_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.davidson import Pencil, nearest
+from softmodels.path.davidson import Modes, Pencil, nearest
 from softmodels.path.lanczos import generalised, grown, lowest
 from softmodels.path.modes import ShiftInvert
 
@@ -36,7 +37,12 @@ class Spectrum(abc.ABC):
     Args:
         solver: The device.
         M: Mass matrix by its unknowns; its values may change.
+
+    Attributes:
+        seed: A vector with a part of every mode, with which a search begins.
     """
+
+    seed: PETSc.Vec
 
     def __init__(self, solver: Solver, M: PETSc.Mat):
         self.solver, self.M = solver, M
@@ -47,12 +53,11 @@ class Spectrum(abc.ABC):
         """Negative eigenvalues of the K that was factorised, or looked at, last."""
 
     @abc.abstractmethod
-    def lowest(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> tuple[float, list[PETSc.Vec]]:
+    def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
         """The lowest eigenvalue at the state that K was factorised at, its mode, and approximations of the next ones.
 
         Args:
             modes: Those of a state near by; may be none.
-            seed: A vector with a part of every mode.
 
         Raises:
             NoConvergence: It was not found.
@@ -67,7 +72,7 @@ class Spectrum(abc.ABC):
         """
 
     @abc.abstractmethod
-    def pairs(self, count: int, seed: PETSc.Vec) -> list[tuple[float, PETSc.Vec]]:
+    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
         """At least so many eigenvalues nearest zero with their vectors, at the state that K was factorised at.
 
         Raises:
@@ -92,8 +97,8 @@ class Factorised(Spectrum):
     def negative_eigenvalues(self) -> int:
         return self.solver.bordered.negative_eigenvalues() - self.constraints
 
-    def lowest(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> tuple[float, list[PETSc.Vec]]:
-        return lowest(self.solver.bordered.solve, self.M, seed, self.negative_eigenvalues, BLOCK)
+    def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
+        return lowest(self.solver.bordered.solve, self.M, self.seed, self.negative_eigenvalues, BLOCK)
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         """See `Spectrum.corrected`.
@@ -135,7 +140,7 @@ class Factorised(Spectrum):
             new = [correction]
         raise NoConvergence("the lowest mode changes too much without a factorisation")
 
-    def pairs(self, count: int, seed: PETSc.Vec) -> list[tuple[float, PETSc.Vec]]:
+    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
         from petsc4py import PETSc
         from slepc4py import SLEPc
 
@@ -148,7 +153,7 @@ class Factorised(Spectrum):
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
         solver.setDimensions(count, max(2 * count + 8, 16))
         solver.setTolerances(1e-10, 200)
-        solver.setInitialSpace([seed])
+        solver.setInitialSpace([self.seed])
         try:
             solver.solve()
         except (PETSc.Error, SystemError) as error:  # SLEPc's own errors come as either
@@ -168,14 +173,24 @@ class Iterated(Spectrum):
 
     def __init__(self, solver: Solver, M: PETSc.Mat):
         super().__init__(solver, M)
-        self._negative = self._turn = 0
+        self._negative = self._turn = self._counted = 0
+        self._modes: Sequence[PETSc.Vec] = ()
         self._before: list[
             PETSc.Vec
         ] = []  # the lowest mode of the state before the last: with its own the two foretell
 
     @property
     def negative_eigenvalues(self) -> int:
+        """Those of the state that is loaded; where they are not found, those of the state before."""
+        if self._counted != self.solver.kept.made:
+            with contextlib.suppress(NoConvergence):
+                self.lowest(self._modes)
         return self._negative
+
+    def _take(self, found: Modes) -> Modes:
+        """Remember what was found at the state that is loaded."""
+        self._negative, self._counted, self._modes = found.negative, self.solver.kept.made, found.vectors
+        return found
 
     def _pencil(self) -> Pencil:
         solver = self.solver
@@ -185,29 +200,28 @@ class Iterated(Spectrum):
 
         return Pencil(product, self.M, solver.bordered.iterate)
 
-    def _start(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> Sequence[PETSc.Vec]:
+    def _start(self, modes: Sequence[PETSc.Vec]) -> Sequence[PETSc.Vec]:
         """Where a search begins: with the modes known, or in the range of K^-1 M."""
         if modes:
             return modes
         image, lifted = self.M.createVecLeft(), self.M.createVecRight()
-        self.M.mult(seed, image)
+        self.M.mult(self.seed, image)
         self.solver.bordered.iterate(image, lifted, OTHERS)
         return [lifted]
 
-    def lowest(self, modes: Sequence[PETSc.Vec], seed: PETSc.Vec) -> tuple[float, list[PETSc.Vec]]:
+    def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
         tolerances = [LOWEST, *[OTHERS] * (BLOCK - 1)]
         if modes:  # one of the others in turn
             self._turn = self._turn % (BLOCK - 1) + 1
             tolerances = [OTHERS if k == self._turn else math.inf for k in range(BLOCK)]
             tolerances[0] = LOWEST
-        found = nearest(self._pencil(), [*self._start(modes, seed), *self._before], tolerances)
-        self._negative, self._before = found.negative, list(modes[:1])
+        found = self._take(nearest(self._pencil(), [*self._start(modes), *self._before], tolerances))
+        self._before = list(modes[:1])
         return float(found.values[0]), found.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         raise NoConvergence("every state is looked at for itself: that costs a few solves")
 
-    def pairs(self, count: int, seed: PETSc.Vec) -> list[tuple[float, PETSc.Vec]]:
-        found = nearest(self._pencil(), self._start((), seed), [LOCATED] * count)
-        self._negative = found.negative
+    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
+        found = self._take(nearest(self._pencil(), self._start(()), [LOCATED] * count))
         return list(zip(map(float, found.values), found.vectors, strict=True))

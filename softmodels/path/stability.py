@@ -111,6 +111,7 @@ class Stability:
         for bc in eq.bcs:
             bc.set(seed.x.array, alpha=0.0)
         self.seed = self.M.createVecRight()
+        self.spectrum.seed = self.seed
         self.seed.array_w[:] = eq.unknowns.nearest(seed.x.array)
         self.sense = self.M.createVecLeft()  # tells a mode from its opposite
         self.M.mult(self.seed, self.sense)
@@ -140,7 +141,7 @@ class Stability:
         """Lowest eigenvalue of K as it is factorised; nan if it was not found to within its tolerance."""
         self.solver.system.unknowns.projected(self.mass, self.M)
         try:
-            value, self.modes = self.spectrum.lowest(self.modes, self.seed)
+            value, self.modes = self.spectrum.lowest(self.modes)
         except NoConvergence:
             self.modes = []
             return math.nan
@@ -183,7 +184,7 @@ class Stability:
     def _pairs(self, count: int) -> list[tuple[float, Array]]:
         """`eigenpairs` of K as it is factorised."""
         self.solver.system.unknowns.projected(self.mass, self.M)
-        pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count, self.seed)]
+        pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count)]
         return sorted(pairs, key=lambda pair: pair[0])
 
     def _mode(self, vector: PETSc.Vec) -> Array:

@@ -17,6 +17,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd
+from softmodels.path.stability import Stability
 
 DIRECT = "the direct solver"
 LAW = NeoHookean(30e3, 0.49)
@@ -56,7 +57,7 @@ def test_wedge_through_its_pressures(paths, figure):
 
 
 def test_section_past_its_limit(paths, figure):
-    _, found = paths(SECTION, NeoHookean(20e3, 0.495), [0.1, 3.0])
+    solvers, found = paths(SECTION, NeoHookean(20e3, 0.495), [0.1, 3.0])
     one, other = (next(point.state for point in points if point.limit) for points in found)
     figure(DIRECT, "pressure at a limit point by iterations", other.P / one.P - 1, 1e-8)
     one, other = (next(point for point in points if point.requested) for points in found)
@@ -67,6 +68,9 @@ def test_section_past_its_limit(paths, figure):
         limit = next(number for number, point in enumerate(points) if point.limit)
         counts = [point.signature.negative_eigenvalues for point in points]
         assert counts == [0] * (limit + 1) + [1] * (len(points) - limit - 1) and len(points) > limit + 1
+    # Back at a stable state it is that one's eigenvalues that are counted.
+    solvers[1].factorise(other.state)
+    assert Stability.of(solvers[1]).negative_eigenvalues() == 0
 
 
 def test_model_that_does_not_fit(body_of, monkeypatch):
