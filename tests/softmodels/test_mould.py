@@ -109,35 +109,6 @@ def test_a_disk_is_cast_to_its_closed_form():
     assert found.thinnest == pytest.approx(disk.membrane, rel=0.1)
 
 
-def test_a_cast_imported_as_a_part_goes_the_device_path(tmp_path):
-    """The mirror: what the mould leaves, shrunk and bonded, read as a STEP part and inflated, against the device drawn."""
-    import gmsh
-
-    disk = sm.HollowDisk(section="axisymmetric", support="base")
-    found = sm.mould(disk, chord="0.1 mm", shrinkage=0.01)
-    (tmp_path / "device.step").write_bytes(found.device)
-    with private_model():
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-        whole = gmsh.model.occ.importShapes(str(tmp_path / "device.step"))
-        piece = gmsh.model.occ.addCylinder(0, 0, -1, 0, 0, 40, 40, angle=np.pi / 6)
-        gmsh.model.occ.intersect(whole, [(3, piece)])
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(tmp_path / "wedge.step"))
-        gmsh.option.setString("Geometry.OCCTargetUnit", "")
-    part = sm.ImportedActuator(
-        file=str(tmp_path / "wedge.step"), cavities=("at 5, 1, 8 mm",), support="z = 0 mm", cell_size=0.003,
-        planes=("y = 0 mm", "normal 0.5, -0.8660254, 0"), gauge_point="at 0, 0, 16 mm",
-    )  # fmt: skip
-    assert part.solid_volume == pytest.approx(disk.solid_volume, rel=1e-6)
-    assert part.cavity_volume == pytest.approx(disk.cavity_volume, rel=1e-5)
-    material = sm.Yeoh(8e3, 100.0)
-    cast, drawn = (sm.inflate(one, material, "0,20,40 cm") for one in (part, disk))
-    for pressure in ("20 cm", "40 cm"):
-        one, other = cast.at(pressure).row, drawn.at(pressure).row
-        assert one["tip_mm"] == pytest.approx(other["apex_mm"], rel=5e-3)
-        assert one["added_volume_ml"] == pytest.approx(other["added_volume_ml"], rel=5e-3)
-
-
 @pytest.fixture(scope="module")
 def part_of(tmp_path_factory):
     """A part from boxes (x, y, z, sizes; mm), the first of which is what the others are cut from."""
