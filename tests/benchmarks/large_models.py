@@ -15,7 +15,7 @@ direction, to 1e-5, against the arc length.
 Figures of one rank of a busy machine (read ratios; CPU seconds):
 
 - 9,804 unknowns, three pressures and two states past the limit point: 13 states, 2,424 cycles and 6 set-ups in 17.9 s; with
-  the direct solver 14 states, 710 back-substitutions and 8 factorisations in 5.1 s. Iterations 13 to 16 along the path, 20 at
+  the direct solver 14 states, 710 back-substitutions and 8 factorisations in 5.1 s. Iterations 13 to 22 along the path, 20 at
   the limit point, 20 and 31 past it. The limit point's pressure is 52.466066 cm with both.
 - 20,542 unknowns, the limit point alone asked for: 11 states, 1,634 cycles and 7 set-ups in 34.7 s. Iterations 11 to 14 along
   the path, 16 at the limit point, 16 and 19 past it.
