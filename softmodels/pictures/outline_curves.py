@@ -18,6 +18,7 @@ from softmodels.results.state_words import StateWords
 from softmodels.results.triangles import parabolas
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.typing import ColorType
 
 FEW = 2
@@ -93,13 +94,7 @@ def cut_profiles(
     axes.margins(0.05)
     axes.set(xlabel=f"{_direction(axes_of_plane[0])} in mm", ylabel=f"{_direction(axes_of_plane[1])} in mm")
     axes.set_title(f"Outside where the plane {plane} cuts it at rest")
-    axes.legend(
-        title="water column" if path[1].pressure else "load",
-        loc="center left",
-        bbox_to_anchor=(1.01, 0.5),
-        frameon=False,
-        alignment="left",
-    )
+    _legend_beside(axes, path[1])
     return figure
 
 
@@ -147,14 +142,19 @@ def profiles(
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--", label="rigid plane")
     axes.set(xlabel=f"distance from the {'axis' if axial else 'clamped base'} in mm", ylabel="height in mm")
     axes.set_title("Outer surface, from the side" if axial else "Outline in the middle, from the side")
+    _legend_beside(axes, path[1])
+    return figure
+
+
+def _legend_beside(axes: Axes, words: StateWords) -> None:
+    """A legend to the right of the axes, on no line."""
     axes.legend(
-        title="water column" if path[1].pressure else "load",
+        title="water column" if words.pressure else "load",
         loc="center left",
         bbox_to_anchor=(1.01, 0.5),
         frameon=False,
         alignment="left",
     )
-    return figure
 
 
 def _labels(rows: Sequence[Row], words: StateWords, steps: Collection[int]) -> dict[int, str]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from softmodels.case.case import Case
 from softmodels.materials.stability import described, last_stretch, weakest, weakness
+from softmodels.mechanics.causes import Cause
 from softmodels.mechanics.sheet import locking
 from softmodels.results.row import Row
 
@@ -15,6 +16,18 @@ SQUEEZED = 100.0
 """Shear moduli of pressure from which it is the silicone's volume that gives way, and no longer the device's shape."""
 FOLDED = 0.3
 """Volume ratio at a vertex below which cells have all but folded."""
+
+
+def unstable_law(case: Case, stretch: float) -> str:
+    """A sentence without its full stop if the law has lost its stability at a stretch; else empty."""
+    weak = weakest(case.material)
+    if weak is None or stretch < NEAR * weak.stretch:
+        return ""
+    return (
+        f"{weakness(case.material)}, and the last state has stretch {stretch:.3g}: there the silicone itself has no "
+        "stable state, which no mesh and no step mends. Take a law that is stable over the stretches of this run "
+        "(softmodels curve shows them; a fit over a wider range, or neo-hookean), or stay below"
+    )
 
 
 def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> list[str]:
@@ -30,13 +43,8 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
     found = []
     if petsc:
         found.append("PETSc was given options of its own: leave them out first (what follows --)")
-    weak = weakest(case.material)
-    if weak is not None and stretch >= NEAR * weak.stretch:
-        found.append(
-            f"{weakness(case.material)}, and the last state has stretch {stretch:.3g}: there the silicone itself has no "
-            "stable state, which no mesh and no step mends. Take a law that is stable over the stretches of this run "
-            "(softmodels curve shows them; a fit over a wider range, or neo-hookean), or stay below"
-        )
+    if weak := unstable_law(case, stretch):
+        found.append(weak)
     if stretch >= NEAR * last_stretch(case.material, "equibiaxial"):
         ends = ", ".join(f"{last_stretch(case.material, mode):.3g} ({mode})" for mode in ("uniaxial", "equibiaxial"))
         found.append(
@@ -67,6 +75,12 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
             f"with a softer one (--sheet-stiffness){locking(case.sheet.stiffness, case.actuator)}"
         )
     return found
+
+
+def mended(case: Case, cause: Cause, stretch: float) -> str:
+    """What to do about a known end: its own advice, but where the law and not the device has become unstable."""
+    weak = unstable_law(case, stretch)
+    return weak[0].upper() + weak[1:] if weak else cause.advice
 
 
 def advice(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> str:

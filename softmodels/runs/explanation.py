@@ -10,7 +10,7 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.path.program import LOAD_KEYS, step_text
 from softmodels.results.columns import loads_words
-from softmodels.results.lost_path import advice
+from softmodels.results.lost_path import advice, mended
 from softmodels.results.row import Row
 from softmodels.results.state_words import state_words
 from softmodels.results.terms import split
@@ -31,7 +31,9 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
     )
     if end.cause:
-        return f"no equilibrium at {asked} on this path: {end.cause.clause}. {where}{end.cause.advice}"
+        return f"no equilibrium at {asked} on this path: {end.cause.clause}. {where}" + mended(
+            case, end.cause, last.max_stretch
+        )
     if end.limit is None:
         return f"{asked} was not reached: {end}. {where}" + advice(
             case,
@@ -84,7 +86,7 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     if end.cause:
         return (
             f"no equilibrium at {asked} on this path: {end.cause.clause}. The last state has {place}, and {moved}. "
-            f"{end.cause.advice}"
+            f"{mended(case, end.cause, float(at['max_stretch']))}"
         )
     if end.limit is None:
         return f"{asked} was not reached: {end}. The last state has {place}, and {moved}. {advice(case, at, petsc)}"

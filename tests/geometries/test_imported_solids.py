@@ -25,7 +25,9 @@ def write_step(path, base=(0.0, 0.0), names=("Base plate", "Chamber"), lift=0.0)
         air = occ.addBox(WALL, WALL, BASE + lift, LENGTH - 2 * WALL, WIDTH - 2 * WALL, TOP - WALL)
         occ.cut([(3, block)], [(3, air)])
         occ.synchronize()
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # else it is what was written last in this process
         gmsh.write(str(path))
+        gmsh.option.setString("Geometry.OCCTargetUnit", "")
     text = path.read_text()
     for name in names:
         text = re.sub(r"MANIFOLD_SOLID_BREP\(''", f"MANIFOLD_SOLID_BREP('{name}'", text, count=1)
