@@ -59,9 +59,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             print(", ".join(_gauge(name, row) for name in case.gauges.columns()))
         if told := stability_text(results.rows, case.actuator, words, branch_rows(results)):
             print(told)
-        pictures = (
-            f"; pictures (*.png), film.gif, film.webp and report.html, in {took:.1f} s" if took is not None else ""
-        )
+        pictures = "" if drawing is None or took is None else f"; {drawing.made}, in {took:.1f} s"
         print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{pictures}")
     return status
 

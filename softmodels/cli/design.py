@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, Unpack
@@ -11,11 +9,10 @@ from typing import TYPE_CHECKING, TypedDict, Unpack
 import click
 
 from geometries import MeshFileError, MeshingError
-from geometries.apart import interpreter
 from measurement.ending import STOPPED, asked_to_stop, stoppable
 from measurement.output_option import FolderType
 from measurement.own_folder import OwnFolderError
-from softmodels.case.own_modules import VARIABLE, own_modules
+from softmodels.cli.drawing import end, start_drawing, tell_not_drawn
 from softmodels.cli.options import fail
 from softmodels.design.errors import DesignError
 from softmodels.design.problem import DesignProblem
@@ -189,13 +186,12 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
 
 def _draw(result: DesignResult) -> bool:
     """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5."""
-    case = result.problem.case
-    inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
-    inherited[VARIABLE] = own_modules(case)
-    command = [*interpreter(), "-m", "softmodels.pictures.draw_design", str(result.folder)]
-    done = subprocess.run(command, env=inherited, capture_output=True, text=True, check=False)
-    if done.returncode == 0:
+    process = start_drawing(result.problem.case, "softmodels.pictures.draw_design", str(result.folder))
+    try:
+        out, errors = process.communicate()
+    finally:
+        end(process)
+    if process.returncode == 0:
         return True
-    reason = (done.stderr or done.stdout).strip().splitlines() or [f"exit status {done.returncode}"]
-    print(f"softmodels: the pictures could not be drawn ({reason[-1]}); the design is complete", file=sys.stderr)
+    tell_not_drawn(out, errors, process.returncode, "the design is complete")
     return False

@@ -15,6 +15,38 @@ from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.results.store import Results
 
 
+def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]:
+    """Start a module that draws in a process of its own, with nothing of MPI in its environment.
+
+    Args:
+        case: What is drawn; its own modules are imported there too.
+        module: Its name.
+        words: What it is given.
+
+    Raises:
+        OSError: No process can be started.
+    """
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
+    inherited[VARIABLE] = own_modules(case)
+    pipe = subprocess.PIPE
+    return subprocess.Popen(
+        [*interpreter(), "-m", module, *words], env=inherited, stdin=pipe, stdout=pipe, stderr=pipe, text=True
+    )
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    """End a process, if it has not ended by itself."""
+    if process.poll() is None:
+        process.kill()
+        process.communicate()
+
+
+def tell_not_drawn(out: str, errors: str, status: int, left: str) -> None:
+    """Report that there are no pictures, why, and what there is."""
+    reason = (errors or out).strip().splitlines() or [f"exit status {status}"]
+    print(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", file=sys.stderr)
+
+
 class Drawing:
     """Draws the pictures, the film and the report of a run in a process of its own, for VTK and DOLFINx each bring an HDF5.
 
@@ -37,6 +69,11 @@ class Drawing:
             return "drawing curves, stress and report (--pictures all draws all, --pictures none nothing)"
         return "drawing pictures, film and report (--pictures few draws fewer, --pictures none nothing)"
 
+    @property
+    def made(self) -> str:
+        """What there is after it, in a few words."""
+        return f"pictures (*.png){'' if self.few else ', film.gif, film.webp'} and report.html"
+
     def get_ready(self, ranks: int) -> None:
         """Start the process, if there are more cores than ranks."""
         with contextlib.suppress(OSError):  # tried again, and reported, when there is something to draw
@@ -45,11 +82,7 @@ class Drawing:
                 self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:
-        inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
-        inherited[VARIABLE] = own_modules(self.case)
-        command = [*interpreter(), "-m", "softmodels.pictures.draw"]
-        pipe = subprocess.PIPE
-        return subprocess.Popen(command, env=inherited, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+        return start_drawing(self.case, "softmodels.pictures.draw")
 
     def draw(self, results: Results) -> float | None:
         """Draw the results; the seconds it took, None if it failed, which is reported and costs no results.
@@ -63,12 +96,10 @@ class Drawing:
         if process.returncode == 0:
             print(errors, end="", file=sys.stderr)  # such as that this machine cannot render
             return time.monotonic() - begun
-        reason = (errors or out).strip().splitlines() or [f"exit status {process.returncode}"]
-        print(f"softmodels: the pictures could not be drawn ({reason[-1]}); the results are complete", file=sys.stderr)
+        tell_not_drawn(out, errors, process.returncode, "the results are complete")
         return None
 
     def leave(self) -> None:
         """End the process, whatever it is at."""
-        if self._process is not None and self._process.poll() is None:
-            self._process.kill()
-            self._process.communicate()
+        if self._process is not None:
+            end(self._process)

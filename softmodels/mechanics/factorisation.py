@@ -39,7 +39,7 @@ class Factorisation(Inverse):
         """Make what factorises K with the pattern it has."""
         self._direct = _mumps(self.K)
         self._direct.setFromOptions()
-        self._entries = self._count()
+        self._entries = entries_in_all(self.K)
 
     @staticmethod
     def memory(K: PETSc.Mat) -> float:
@@ -59,12 +59,10 @@ class Factorisation(Inverse):
         direct.destroy()
         return megabytes * MEGA + entries_here(K) / 2 * TRIPLET
 
-    def _count(self) -> float:
-        """Entries of K, on all ranks."""
-        return float(self.K.getInfo()["nz_used"])
-
     def set_up(self) -> None:
-        if self._count() != self._entries:  # contact has coupled more: PETSc would keep the analysis of the old pattern
+        if (
+            entries_in_all(self.K) != self._entries
+        ):  # contact has coupled more: PETSc would keep the analysis of the old pattern
             self._direct.destroy()
             self._make()
         self._direct.setReusePreconditioner(False)
@@ -86,6 +84,11 @@ class Factorisation(Inverse):
 def entries_here(K: PETSc.Mat) -> float:
     """Entries of a matrix on this rank."""
     return float(K.getInfo(K.InfoType.LOCAL)["nz_used"])  # type: ignore[arg-type]
+
+
+def entries_in_all(K: PETSc.Mat) -> float:
+    """Entries of a matrix on all ranks."""
+    return float(K.getInfo()["nz_used"])
 
 
 def _mumps(K: PETSc.Mat) -> PETSc.PC:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.factorisation import entries_here
+from softmodels.mechanics.factorisation import entries_here, entries_in_all
 from softmodels.mechanics.inverse import Inverse
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class Multigrid(Inverse):
 
     def set_up(self) -> None:
         u, p = self._rows
-        entries = self._count()
+        entries = entries_in_all(self.K)
         if self._blocks is not None and entries != self._entries:  # contact has coupled more
             self._drop()
         if self._blocks is None:
@@ -204,10 +204,6 @@ class Multigrid(Inverse):
 
     def negative_pivots(self) -> int:
         raise NotImplementedError("a cycle of multigrid does not know K's inertia")
-
-    def _count(self) -> float:
-        """Entries of K, on all ranks."""
-        return float(self.K.getInfo()["nz_used"])
 
     def _drop(self) -> None:
         """Destroy the cycle and its blocks."""

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.newton import NoConvergence
+from softmodels.path.lanczos import grown
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -74,8 +75,7 @@ class Space:
         Mx.scale(left**-0.5)
         self.pencil.product(x, Kx)
         self.x, self.Kx, self.Mx = [*self.x, x], [*self.Kx, Kx], [*self.Mx, Mx]
-        column = np.array(Kx.mDot(self.x))
-        self.K = np.block([[self.K, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
+        self.K = grown(self.K, Kx.mDot(self.x))
         return True
 
     def combined(self, shares: Array, vectors: Sequence[PETSc.Vec]) -> PETSc.Vec:

@@ -175,9 +175,8 @@ class Iterated(Spectrum):
         super().__init__(solver, M)
         self._negative = self._turn = self._counted = 0
         self._modes: Sequence[PETSc.Vec] = ()
-        self._before: list[
-            PETSc.Vec
-        ] = []  # the lowest mode of the state before the last: with its own the two foretell
+        # The lowest mode of the state before the last: with its own the two foretell.
+        self._before: list[PETSc.Vec] = []
 
     @property
     def negative_eigenvalues(self) -> int:

@@ -63,6 +63,11 @@ def test_none_are_drawn_if_none_are_wanted(words, runs, tmp_path):
     assert done.status == 0 and not list((tmp_path / "disk").glob("*.png"))
 
 
+def test_a_run_tells_what_was_drawn(drawing):
+    assert drawing.made == "pictures (*.png), film.gif, film.webp and report.html"
+    assert Drawing(drawing.case, few=True).made == "pictures (*.png) and report.html"
+
+
 def test_no_core_is_taken_from_the_solver(drawing, monkeypatch):
     monkeypatch.setattr(module.os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
     drawing.get_ready(ranks=2)
