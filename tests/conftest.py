@@ -30,6 +30,9 @@ NOISE = 1e-8
 asserted ten times wider."""
 
 
+# Tests of several ranks run beside other tests, whatever the number of cores: who waits looks seldom.
+os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "64")
+
 if sys.dont_write_bytecode:
     # Many images set PYTHONDONTWRITEBYTECODE. Tests start hundreds of commands, and each would translate all it imports anew,
     # which takes longer than importing it. What is translated goes beside pytest's own cache, and nothing into the source.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 from measurement.camera.pixels import TONES, Unmeasurable, read_photograph
 from measurement.cli.exits import DONE, FAILED, SOME_REFUSED, UNUSABLE, stop
 from measurement.cli.option_texts import length, with_error
+from measurement.cores import cores
 from measurement.edge.tracing import AUTO
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
@@ -65,7 +65,7 @@ class Options:
             length(given["reading_error"]),
         )
         width = None if given["body_width"] is None else _width(given["body_width"])
-        return cls(given["tone"], column, width, given["jobs"] or _cores(), not given["no_pictures"], given["quiet"])
+        return cls(given["tone"], column, width, given["jobs"] or cores(), not given["no_pictures"], given["quiet"])
 
 
 @click.command()
@@ -229,7 +229,3 @@ def _draw(output: Path, made: Measurement, tone: str) -> None:
         shown = [output / "edges" / f"{r.name}.png" for r in by_pressure if isinstance(r.outcome, Outline)]
         animate(output / "animation.gif", [file for file in shown if file.is_file()])
     write_overview(output / "overview.html", made.results, output)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

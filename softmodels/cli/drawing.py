@@ -10,6 +10,7 @@ import sys
 import time
 
 from geometries.apart import interpreter
+from measurement.cores import cores
 from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.results.store import Results
@@ -77,8 +78,7 @@ class Drawing:
     def get_ready(self, ranks: int) -> None:
         """Start the process, if there are more cores than ranks."""
         with contextlib.suppress(OSError):  # tried again, and reported, when there is something to draw
-            cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
-            if cores > ranks:
+            if cores() > ranks:
                 self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:

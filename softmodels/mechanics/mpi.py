@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from measurement.cores import cores
 from measurement.signal_handlers import handlers_kept
 
 if TYPE_CHECKING:
@@ -28,6 +29,10 @@ _started: list[bool] = []
 """Holds something once PETSc, DOLFINx and FFCx have read their options, which each does once in a process."""
 LEAST_SHARED = 1 << 20
 """Bytes that it takes at its start, and room to spare."""
+
+
+FEW_LOOKS, MANY_LOOKS = 64, 16384
+"""How often a waiting rank looks for a message before it lets others run, where they share cores and where they do not."""
 
 
 class StartError(RuntimeError):
@@ -51,7 +56,7 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     # MPICH's ranks spin while they wait; with more ranks than cores they would spin in each other's way, ten times slower.
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
-    os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "64")
+    os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", str(_looks()))
     # The wheel from PyPI orders MPI ahead of everything compiled; with conda or in a container there is no such module.
     if "dolfinx_solver" not in sys.modules and importlib.util.find_spec("dolfinx_solver"):
         _check_shared_memory()  # importing it starts MPI
@@ -73,6 +78,16 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
         ) from None
     _started.append(True)
     return _world()
+
+
+def _looks() -> int:
+    """How often a rank that waits looks for a message before it lets others run.
+
+    Where each rank has a core nobody else is kept from running, and a wedge is solved 5 % sooner by two ranks that look often.
+    MPICH's launcher tells how many ranks there are on this machine; by another one it is not known.
+    """
+    ranks = os.environ.get("MPI_LOCALNRANKS", "")
+    return MANY_LOOKS if ranks.isdecimal() and int(ranks) <= cores() else FEW_LOOKS
 
 
 def _world() -> MPI.Intracomm:

@@ -35,7 +35,7 @@ def drawing(section):
 
 
 def test_a_process_that_was_ready_draws(section, drawing, monkeypatch, capsys):
-    monkeypatch.setattr(module.os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+    monkeypatch.setattr(module, "cores", lambda: 2)
     drawing.get_ready(ranks=1)
     begun = drawing._process
     assert drawing.draw(section) > 0 and drawing._process is begun
@@ -69,7 +69,7 @@ def test_a_run_tells_what_was_drawn(drawing):
 
 
 def test_no_core_is_taken_from_the_solver(drawing, monkeypatch):
-    monkeypatch.setattr(module.os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+    monkeypatch.setattr(module, "cores", lambda: 2)
     drawing.get_ready(ranks=2)
     assert drawing._process is None
 
