@@ -60,8 +60,18 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         if told := stability_text(results.rows, case.actuator, words, branch_rows(results)):
             print(told)
         pictures = "" if drawing is None or took is None else f"; {drawing.made}, in {took:.1f} s"
-        print(f"{len(stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{pictures}")
+        print(
+            f"{len(stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{pictures}{_solved_on()}"
+        )
     return status
+
+
+def _solved_on() -> str:
+    """On how many ranks, where they are several."""
+    from mpi4py import MPI
+
+    ranks = MPI.COMM_WORLD.size
+    return f"; solved on {ranks} ranks" if ranks > 1 else ""
 
 
 def _gauge(column: str, row: Row) -> str:

@@ -20,6 +20,7 @@ from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.cli.case_options import CaseOptions, taken
+from softmodels.cli.ranks import AUTO, RanksType, ranks_for, start_again
 from softmodels.mechanics.mpi import StartError, speaks, start
 from softmodels.results.outcomes import FAILED, no_memory
 
@@ -55,6 +56,7 @@ class RunOptions:
         pictures: How much is drawn: all, few or none.
         no_pictures: Draw nothing.
         branch: Follow the branch at the first bifurcation too.
+        ranks: On how many processes; None for as many as pay.
         petsc: Words for PETSc.
     """
 
@@ -64,17 +66,20 @@ class RunOptions:
     pictures: str
     no_pictures: bool
     branch: bool
+    ranks: int | None
     petsc: tuple[str, ...]
 
 
 def run_options[Command: Callable[..., object]](command: Command) -> Command:
-    """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--pictures``, PETSc's words."""
+    """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--pictures``, ``--ranks``, PETSc."""
     command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
     command = click.option("--no-pictures", is_flag=True, help="The same as --pictures none.")(command)
     text = "Pictures, film and report; few: the curves, the stress and the report alone."
     command = click.option(
         "--pictures", type=click.Choice(("all", "few", "none")), default="all", show_default=True, help=text
     )(command)
+    text = "Processes to solve on; auto: a core for each 30,000 unknowns of a solid, as far as there are cores."
+    command = click.option("--ranks", type=RanksType(), default=AUTO, show_default=True, help=text)(command)
     text = "Follow the branch that leaves the path at its first bifurcation too, into the folder branch."
     command = click.option("--branch", is_flag=True, help=text)(command)
     command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
@@ -133,6 +138,8 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
         from softmodels.cli.run import run
 
     try:
+        if (ranks := ranks_for(ready, how.ranks)) > 1:
+            sys.exit(start_again(ranks))
         with stoppable("softmodels", speaks):
             start(how.petsc)
         status = run(

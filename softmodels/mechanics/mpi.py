@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 
 SHARED_MEMORY = Path("/dev/shm")
 """Where MPICH keeps what its ranks share, even of one rank; it ends the process where it cannot."""
+TERMINAL = "SOFTMODELS_TERMINAL"
+"""Environment variable: columns of the terminal that a command has which has started the ranks."""
+LAUNCHERS = {"PMI_RANK": "PMI_SIZE", "PMIX_RANK": "", "OMPI_COMM_WORLD_RANK": "OMPI_COMM_WORLD_SIZE",
+             "SLURM_PROCID": "SLURM_STEP_NUM_TASKS"}  # fmt: skip
+"""What launchers of MPI set: a process' rank, and how many there are."""
 OPTION_FILES = (".petscrc", "petscrc", "dolfinx_jit_options.json", "ffcx_options.json")
 """What PETSc, DOLFINx and FFCx read in the folder they start in."""
 _started: list[bool] = []
@@ -237,5 +242,12 @@ def any_rank(comm: MPI.Comm, value: bool) -> bool:
 
 def speaks() -> bool:
     """Whether this process may print, before MPI is started: rank 0 by what the launchers set, or no launcher."""
-    ranks = (os.environ.get(name) for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID"))
+    ranks = (os.environ.get(name) for name in LAUNCHERS)
     return next((rank for rank in ranks if rank is not None), "0") == "0"
+
+
+def launched() -> int | None:
+    """How many ranks a launcher has started, before MPI is started: None without one, 0 where it does not tell."""
+    sizes = (size for rank, size in LAUNCHERS.items() if rank in os.environ)
+    size = next(sizes, None)
+    return None if size is None else int(os.environ.get(size, "0"))

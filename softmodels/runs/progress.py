@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from typing import TYPE_CHECKING
 
 from measurement.wording import spoken
+from softmodels.mechanics.mpi import TERMINAL
 from softmodels.results.row import Row
 from softmodels.results.state_words import StateWords
 
@@ -33,23 +35,27 @@ class Progress:
         self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> Progress:
-        if self.quiet or sys.stderr is None or not sys.stderr.isatty():
+        columns = os.environ.get(TERMINAL)  # what the command sees that has started the ranks
+        if self.quiet or sys.stderr is None or not (columns or sys.stderr.isatty()):
             return self  # a log has no bar, and need not wait for rich
         from rich.console import Console
         from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
         from rich.progress import Progress as Bar
 
-        self._console = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+        self._console = Console(
+            stderr=True, highlight=False, soft_wrap=True, markup=False,
+            force_terminal=bool(columns) or None, width=int(columns) if columns else None,
+        )  # fmt: skip
         self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         if self._console.is_terminal:
-            columns = (
+            parts = (
                 TextColumn("{task.description}"),
                 BarColumn(),
                 TimeElapsedColumn(),
                 TextColumn("left"),
                 TimeRemainingColumn(),
             )
-            self._bar = Bar(*columns, console=self._console)
+            self._bar = Bar(*parts, console=self._console)
             self._task = self._bar.add_task("starting", total=self.last)
             self._bar.start()
         return self
