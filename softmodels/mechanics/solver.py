@@ -158,6 +158,26 @@ class Solver:
         self._border(state, control)
         return self.linear_response(0.0, 1.0, tolerance)
 
+    def tangent_along(self, state: State, force: PETSc.Vec, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
+        """The same scaled to ``force . dw = 1``, as `solve_along` goes: regular where pressure and volume both turn back.
+
+        Args:
+            state: The state.
+            force: PETSc vector of the body's owned dofs.
+            tolerance: Of the linear solver, relative.
+
+        Raises:
+            NoConvergence: The linear solver did not get there (the force is square to the path, say).
+        """
+        row = force.copy()
+        self.system.load(state)
+        self.system.unknowns.pull(row.array_w)
+        self.bordered.row = row
+        try:
+            return self.tangent(state, Control(1.0, 0.0, 0.0), tolerance)
+        finally:
+            self.bordered.row = None
+
     def _border(self, state: State, control: Control) -> None:
         """Set the border for linear answers at a state, the control's line held."""
         self.system.load(state)

@@ -1,23 +1,28 @@
 """What ended a path where no step succeeds: whether the device is locked, snaps, or has broken down in a part of it.
 
 Pressure and volume may turn back both at once: a small part of the device snaps, and hardly any air goes with it. Then no line
-in their plane leads on, however short the step. The states beyond are still found where it is given how far the device has
-gone along its own motion, which is regular there, as near a bifurcation (`softmodels.path.branching`).
+in their plane leads on, however short the step. The states beyond are still found where it is given how far that part has
+gone, which is regular there, as near a bifurcation (`softmodels.path.branching`).
 """
 
 from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+import numpy.typing as npt
+
 from softmodels.mechanics.causes import Cause
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.solver import Solver, Tangent
+from softmodels.mechanics.solver import Tangent
 from softmodels.mechanics.system import State
 from softmodels.path.corrector import Corrector, Emptied
 from softmodels.path.ends import EMPTIED, LOCKED, SNAPPED
 from softmodels.path.modes import Mode
 from softmodels.path.points import PathEnd, Point
 from softmodels.path.quantities import AddedVolume, Followed, Plane, Quantity
+
+Array = npt.NDArray[np.float64]
 
 MOST_STATES = 24
 """States beyond the last one that are looked at."""
@@ -26,7 +31,9 @@ GROWTH = 1.5
 HALVINGS = 10
 """Of a step that fails."""
 ASTRAY = 2.0
-"""Length of a step over what it was asked to go along the motion, above which Newton's method has found another branch."""
+"""Length of a step over the foretold one, above which Newton's method has found another branch."""
+TOLERANCE = 1e-10
+"""Of the directions, relative: what they have beyond the whole's motion may be a thousandth of it."""
 FALLING = 2
 """States in a row with less than the one before, from which what is requested has turned back."""
 
@@ -63,7 +70,10 @@ def _cause_of(corrector: Corrector, requested: Quantity, failure: NoConvergence)
     for term in system.potential.terms.values():
         if cause := term.breakdown(system):
             return cause
-    return SNAPPED if snaps(corrector, requested) else None
+    try:
+        return SNAPPED if snaps(corrector, requested) else None
+    except NoConvergence:
+        return None
 
 
 def snaps(corrector: Corrector, requested: Quantity) -> bool:
@@ -72,30 +82,26 @@ def snaps(corrector: Corrector, requested: Quantity) -> bool:
     Args:
         corrector: Of the path; its factorisation is not kept.
         requested: What is requested.
+
+    Raises:
+        NoConvergence: There are no states near beyond it.
     """
-    last, solver = corrector.trail.last, corrector.solver
-    state, rate, value = last.state, last.tangent, requested.value(last.state.V, last.state.P)
-    if not requested.rate(state, rate) > 0.0:
+    last, points = corrector.trail.last, corrector.trail.points
+    value = requested.value(last.state.V, last.state.P)
+    if len(points) < 2 or not requested.rate(last.state, last.tangent) > 0.0:  # the first point has come from nowhere
         return False
-    unstable = _unstable(requested, last)
-    step, fallen = _first_step(corrector), 0
+    ahead, fallen, unstable = Ahead(corrector), 0, _unstable(requested, last)
     for _ in range(MOST_STATES):
-        found = _ahead(corrector, state, rate, step)
-        if found is None:
-            return False
-        step, after = found
-        now = requested.value(after.V, after.P)
+        ahead.step()
+        now = requested.value(ahead.state.V, ahead.state.P)
         fallen = fallen + 1 if now < value else 0
-        rate = Tangent((after.w - state.w) / step, (after.P - state.P) / step, (after.V - state.V) / step)
-        state, value, step = after, now, GROWTH * step
-        solver.factorise(state)
+        value = now
         if fallen == FALLING:
             # Where it only seems to turn back, as Newton's method has found another branch, nothing has become unstable.
+            corrector.solver.factorise(ahead.state)
             signature = corrector.stability.signature(exact=True)
-            return (
-                _unstable(requested, dataclasses.replace(last, state=state, tangent=rate, signature=signature))
-                != unstable
-            )
+            beyond = dataclasses.replace(last, state=ahead.state, tangent=ahead.tangent, signature=signature)
+            return _unstable(requested, beyond) != unstable
     return False
 
 
@@ -104,26 +110,72 @@ def _unstable(requested: Quantity, point: Point) -> int:
     return point.signature.negative_eigenvalues - int(requested.rate(point.state, point.tangent) * point.tangent.P < 0)
 
 
-def _first_step(corrector: Corrector) -> float:
-    """About as far as the path's last step was to go, in units of its tangent."""
-    points, last = corrector.trail.points, corrector.trail.last
-    plane = corrector.plane.stiffened(last.stiffest)
-    rate, before = (last.tangent.V, last.tangent.P), points[0].state
-    move = (last.state.V - before.V, last.state.P - before.P)
-    return (plane.product(move, move) / plane.product(rate, rate)) ** 0.5
+class Ahead:
+    """States beyond a path's last point, by how far the part that snaps has gone.
 
+    The whole device moves on as it did before, and turns back with pressure and volume. What the motion has beyond that is
+    the part's: it grows without bound as the path nears the state where it snaps, and leads on through it. It may be so little
+    beside the whole that no measure of the whole shows it.
 
-def _ahead(corrector: Corrector, state: State, rate: Tangent, step: float) -> tuple[float, State] | None:
-    """The state ``step`` further along a motion, or nearer, with the step that was taken; None if there is none near."""
-    solver: Solver = corrector.solver
-    motion = Mode(corrector.stability.mass, rate.w)
-    for _ in range(HALVINGS if step else 0):  # a path's first point has come from nowhere
-        try:
-            found = solver.solve_along(motion.image, state.w, step, state.w + step * rate.w, state.P + step * rate.P)
-            if motion.size(found.w - state.w) < ASTRAY * step and (solver.system.volumes() > 0.0).all():
-                return step, found
-        except NoConvergence:
-            pass
-        step /= 2
-        solver.factorise(state)
-    return None
+    Args:
+        corrector: Of the path, with its last two points.
+
+    Attributes:
+        state: The last state found.
+        tangent: Direction of the path there, its dofs of unit length.
+
+    Raises:
+        NoConvergence: The path has no direction there.
+    """
+
+    def __init__(self, corrector: Corrector):
+        self.solver, self._mass = corrector.solver, corrector.stability.mass
+        before, last = corrector.trail.points
+        self._whole = self._direction(before.state, self._measure(before.tangent.w))
+        self.state, self.tangent = last.state, self._direction(last.state, self._measure(last.tangent.w))
+        self._amount = abs(self._part().share(last.state.w - before.state.w))
+
+    def step(self) -> None:
+        """Go on to the next state.
+
+        Raises:
+            NoConvergence: There is none near.
+        """
+        state, rate, part = self.state, self.tangent, self._part()
+        for _ in range(HALVINGS):
+            far = self._amount / part.share(rate.w)
+            try:
+                found = self.solver.solve_along(
+                    part.image, state.w, self._amount, state.w + far * rate.w, state.P + far * rate.P
+                )
+                if (
+                    self._measure(found.w - state.w).length < ASTRAY * far
+                    and (self.solver.system.volumes() > 0.0).all()
+                ):
+                    self.state, self.tangent = found, self._direction(found, part)
+                    self._amount *= GROWTH
+                    return
+            except NoConvergence:
+                pass
+            self._amount /= 2
+            self.solver.factorise(state)
+        raise NoConvergence("no state near beyond the last one")
+
+    def _part(self) -> Mode:
+        """What the motion has beyond that of the whole, as a measure of unit length."""
+        whole, w = self._measure(self._whole.w), self.tangent.w
+        beyond = w - whole.share(w) * self._whole.w
+        length = self._measure(beyond).length
+        if not length:
+            raise NoConvergence("the whole device moves on as before")
+        return self._measure(beyond / length)
+
+    def _measure(self, w: Array) -> Mode:
+        return Mode(self._mass, w)
+
+    def _direction(self, state: State, along: Mode) -> Tangent:
+        """The path's direction at a state, towards more of a measure, its dofs of unit length."""
+        self.solver.factorise(state)
+        rate = self.solver.tangent_along(state, along.image, TOLERANCE)
+        length = self._measure(rate.w).length
+        return Tangent(rate.w / length, rate.P / length, rate.V / length)

@@ -55,6 +55,18 @@ def test_a_part_that_snaps_while_the_volume_is_given_is_named():
     assert run._ended.status == NO_EQUILIBRIUM and run.path["stable_under_volume"][-1] == 1
 
 
+def test_a_part_that_snaps_beside_a_whole_that_goes_on_as_before_is_named():
+    """The edge of a balloon's neck, beside a balloon five times as wide in a tube: no measure of the whole shows it move."""
+    device = sm.Balloon(
+        radius=15.85e-3, wall=0.945e-3, neck_radius=6.27e-3, neck_length=8.5e-3, fillet=1.283e-3, held="end",
+        cell_size=2e-3, through=1.0, section="axisymmetric",
+    )  # fmt: skip
+    tube = sm.RigidShape("cylinder", "outer", (0.0, 0.0, 0.0), 18.85e-3, (0.0, 0.0, 1.0), hollow=True, name="tube")
+    run = sm.inflate(device, sm.Yeoh(7859.0, 94.3, 0.0, 0.5), pressures="40 cm", parts=[tube])
+    assert run.limit.kind == "limit" and "the device snaps" in run.limit.why
+    assert run.largest_stretch[-1] > 5.0 and run._ended.status == NO_EQUILIBRIUM
+
+
 @pytest.mark.parametrize("section", [True, False])
 def test_a_compressed_fibre_kinks_at_half_a_shear_modulus_across_it(section):
     """Along a wave whose normal is the fibre's the silicone has mu, the fibre 2 dW/dx; nothing else is softer."""
