@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import gc
 import itertools
 import os
 import sys
@@ -197,3 +198,5 @@ def main(command: click.Command) -> None:
             sys.exit(2)
         except click.ClickException as error:
             fail(f"{error.format_message()} (see --help)")
+        finally:
+            gc.unfreeze()  # for callers whose process goes on

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import total
+from softmodels.mechanics.petsc_matrices import assembled_matrix
 from softmodels.mechanics.system import JIT
 
 if TYPE_CHECKING:
@@ -39,7 +40,6 @@ class Extension:
         import ufl
         from dolfinx import fem
         from dolfinx import mesh as meshes
-        from dolfinx.fem import petsc as fem_petsc
         from petsc4py import PETSc
 
         self.body, self.space = body, space
@@ -72,10 +72,8 @@ class Extension:
         )
         form = fem.form(a, jit_options=JIT)
         # Both are kept: assembled anew, the stiffness would be that of the mesh where it has moved to.
-        self._free = fem_petsc.assemble_matrix(form)
-        self._free.assemble()
-        self._matrix = fem_petsc.assemble_matrix(form, bcs=self.bcs)
-        self._matrix.assemble()
+        self._free = assembled_matrix(form)
+        self._matrix = assembled_matrix(form, self.bcs)
         self._matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(mesh.comm)
         self._pc.setOperators(self._matrix)

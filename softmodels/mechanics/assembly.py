@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.mechanics.petsc_matrices import assemble_into
+
 if TYPE_CHECKING:
     from dolfinx import fem
     from petsc4py import PETSc
@@ -84,11 +86,9 @@ class Assembly:
 
     def _assemble_whole(self) -> None:
         """Assemble the tangent by all dofs."""
-        from dolfinx.fem import petsc as fem_petsc
-
         self._whole.zeroEntries()
         for form in self._tangent:
-            fem_petsc.assemble_matrix(self._whole, form, bcs=self.bcs)
+            assemble_into(self._whole, form, self.bcs)
             self._whole.assemble(self._whole.AssemblyType.FLUSH)  # held dofs' diagonal is put in, the rest is added up
         self._whole.assemble()
         self.assembled.add_to(self._whole, self.w.x.array)

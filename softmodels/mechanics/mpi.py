@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import importlib.util
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -40,6 +42,11 @@ FEW_LOOKS, MANY_LOOKS = 64, 16384
 """How often a waiting rank looks for a message before it lets others run, where they share cores and where they do not."""
 
 
+WHEEL = "dolfinx_solver"
+STACKS = re.compile(r"(petsc|petsc4py|slepc|slepc4py|dolfinx[-_.]+solver[-_.]+(real|complex))[-.]", re.IGNORECASE)
+"""Folders of what is known of packages that bring a PETSc or SLEPc."""
+
+
 class StartError(RuntimeError):
     """MPI or PETSc could not be started; ``status`` is the exit status, the message a sentence for the user."""
 
@@ -62,11 +69,7 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     # MPICH's ranks spin while they wait; with more ranks than cores they would spin in each other's way, ten times slower.
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", str(_looks()))
-    # The wheel from PyPI orders MPI ahead of everything compiled; with conda or in a container there is no such module.
-    if "dolfinx_solver" not in sys.modules and importlib.util.find_spec("dolfinx_solver"):
-        _check_shared_memory()  # importing it starts MPI
-    with contextlib.suppress(ImportError):
-        import dolfinx_solver  # noqa: F401
+    _import_mpi()
     import petsc4py
 
     if _started:
@@ -83,6 +86,34 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
         ) from None
     _started.append(True)
     return _world()
+
+
+def _import_mpi() -> None:
+    """Import MPI ahead of everything compiled, as the wheel from PyPI orders it; with conda or in a container nothing does.
+
+    The wheel's own module first reads what is written about each installed package, for another PETSc among them, which is
+    a fifteenth of a short command's time. The names of their folders tell whether it has to.
+    """
+    wheel = importlib.util.find_spec(WHEEL)
+    if wheel is None or wheel.origin is None or WHEEL in sys.modules:
+        return
+    _check_shared_memory()  # importing MPI starts it
+    petsc, beside = importlib.util.find_spec("petsc4py"), Path(wheel.origin).parents[1]
+    foreign = petsc is None or petsc.origin is None or Path(petsc.origin).resolve().parents[1] != beside.resolve()
+    if foreign or len(_stacks()) != 1:
+        importlib.import_module(WHEEL)  # which refuses what cannot work, with what to do
+    else:
+        import mpi4py.MPI  # noqa: F401
+
+
+def _stacks() -> list[str]:
+    """Names of the installed packages that bring a PETSc or SLEPc; one alone if all is well."""
+    found = []
+    for folder in dict.fromkeys(sys.path):
+        with contextlib.suppress(OSError):  # not a folder
+            names = (entry.name for entry in os.scandir(folder or "."))
+            found += [name for name in names if name.endswith((".dist-info", ".egg-info")) and STACKS.match(name)]
+    return found
 
 
 def _looks() -> int:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from softmodels.mechanics.assembled import mark_symmetric
 from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.petsc_matrices import create_matrix
 
 if TYPE_CHECKING:
     from dolfinx import fem, mesh
@@ -156,10 +157,9 @@ def matrix_of(space: fem.FunctionSpace, forms: list[fem.Form]) -> Any:
     Facets couple no other unknowns than their cells do.
     """
     from dolfinx import cpp
-    from dolfinx.fem import petsc as fem_petsc
 
     if len(forms) == 1:
-        made = fem_petsc.create_matrix(forms[0])
+        made = create_matrix(forms[0])
     else:
         index_map, size = space.dofmap.index_map, space.dofmap.index_map_bs
         pattern = cpp.la.SparsityPattern(space.mesh.comm, [index_map, index_map], [size, size])

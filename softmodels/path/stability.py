@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.petsc_matrices import assembled_matrix
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.modes import Mode
@@ -68,7 +69,6 @@ class Stability:
     def __init__(self, solver: Solver):
         import ufl
         from dolfinx import fem
-        from dolfinx.fem import petsc as fem_petsc
 
         self.solver = solver
         eq = solver.system
@@ -77,8 +77,7 @@ class Stability:
         dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
         mass = ufl.inner(eq.body.displacement(u), eq.body.displacement(v)) * eq.body.hoop * dx
         form = fem.form(mass, jit_options={"cffi_extra_compile_args": ["-O2"]})
-        self.mass = fem_petsc.assemble_matrix(form, bcs=eq.bcs, diag=0.0)
-        self.mass.assemble()
+        self.mass = assembled_matrix(form, eq.bcs, 0.0)
         self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]
         self.spectrum = spectrum_of(solver, self.M)

@@ -1,11 +1,17 @@
-"""What a command does before it solves: how ranks wait for each other."""
+"""What a command does before it solves: what it loads, and how ranks wait for each other."""
 
 from __future__ import annotations
 
+import gc
 import os
+import subprocess
+import sys
 
 import pytest
 
+from measurement.ending import unswept
+from softmodels.cli.options import main
+from softmodels.disk import command
 from softmodels.mechanics import mpi
 
 LOOKS = "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT"
@@ -40,3 +46,45 @@ def test_ranks_with_a_core_each_look_often_for_messages(looks, ranks, cores, wan
 
 def test_a_users_own_choice_of_how_ranks_wait_stands(looks):
     assert looks("2", 8, before="7") == 7
+
+
+SMALL = ("--section=axisymmetric", "--cell-size=6mm", "--pressure-cm=0,5", "--no-pictures", "--quiet")
+LOADED = """
+import sys
+from softmodels.disk import command, main
+try:
+    main(command)
+finally:
+    print(*sys.modules)
+"""
+
+
+def test_a_section_is_solved_without_what_it_has_no_use_for(tmp_path):
+    words = [sys.executable, "-c", LOADED, *SMALL, "--output", str(tmp_path / "disk")]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert {"dolfinx", "h5py", "softmodels.path.stability"} <= loaded
+    assert not loaded & {"dolfinx_solver", "dolfinx.fem.petsc", "pycparser", "pint", "matplotlib", "pyvista"}
+
+
+@pytest.mark.parametrize("name", ["petsc4py-3.22.1.dist-info", "dolfinx_solver_complex-0.11.0.dist-info"])
+def test_another_petsc_beside_the_wheels_is_refused_by_name(name, tmp_path):
+    """The wheel's own check is asked where the name of a folder is a reason to."""
+    pytest.importorskip("dolfinx_solver")
+    about = tmp_path / "packages" / name
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name.split('-')[0]}\nVersion: 1\n")
+    words = [sys.executable, "-m", "softmodels.disk", *SMALL, "--output", str(tmp_path / "disk")]
+    found = {**os.environ, "PYTHONPATH": os.pathsep.join([str(about.parent), *sys.path])}
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=found, cwd=tmp_path)
+    assert done.returncode == 1 and name.split("-")[0].replace("_", "-") in done.stderr, done.stderr
+    assert "ninstall" in done.stderr and "Traceback" not in done.stderr and not (tmp_path / "disk").exists()
+
+
+def test_the_collector_spares_what_is_loaded_and_no_more(monkeypatch, capsys):
+    with unswept():
+        assert not gc.isenabled()
+    assert gc.isenabled() and gc.get_freeze_count() > 0
+    monkeypatch.setattr(sys, "argv", ["softmodels.disk", "--help"])
+    main(command)
+    assert "--pressure-cm" in capsys.readouterr().out and gc.get_freeze_count() == 0

@@ -1,0 +1,49 @@
+"""PETSc matrices of compiled bilinear forms.
+
+By the compiled functions that ``dolfinx.fem.petsc`` calls too. That module prepares PETSc's functions for Numba when it is
+imported, and reads their declarations with a parser of C, which is a fiftieth of a short command's time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dolfinx import fem
+    from petsc4py import PETSc
+
+
+def create_matrix(form: fem.Form) -> PETSc.Mat:
+    """An empty matrix with a form's pattern."""
+    from dolfinx import cpp
+
+    return cpp.fem.petsc.create_matrix(form._cpp_object, None)  # type: ignore[no-any-return]
+
+
+def assemble_into(
+    matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0
+) -> None:
+    """Add a form up in a matrix, which is not brought to its end.
+
+    Args:
+        matrix: With the form's pattern.
+        form: The form; of one space for both its arguments.
+        bcs: Rows and columns of their dofs stay empty.
+        diagonal: What stands on their diagonal.
+    """
+    from dolfinx import cpp, fem
+
+    held = [bc._cpp_object for bc in bcs]
+    constants, coefficients = fem.pack_constants(form), fem.pack_coefficients(form)
+    cpp.fem.petsc.assemble_matrix(matrix, form._cpp_object, constants, coefficients, held)
+    matrix.assemble(matrix.AssemblyType.FLUSH)
+    cpp.fem.petsc.insert_diagonal(matrix, form.function_spaces[0], held, diagonal)
+
+
+def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
+    """A form's matrix; see `assemble_into`."""
+    matrix = create_matrix(form)
+    assemble_into(matrix, form, bcs, diagonal)
+    matrix.assemble()
+    return matrix
