@@ -74,7 +74,7 @@ class Extension:
         # Both are kept: assembled anew, the stiffness would be that of the mesh where it has moved to.
         self._free = assembled_matrix(form)
         self._matrix = assembled_matrix(form, self.bcs)
-        self._matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._matrix.setOption(PETSc.Mat.Option.SPD, True)  # type: ignore[arg-type]
         self._pc = PETSc.PC().create(mesh.comm)
         self._pc.setOperators(self._matrix)
         self._pc.setType("cholesky")
