@@ -34,6 +34,7 @@ from softmodels.results.limits import Limit, Tolerance, find_limit, samples, sca
 from softmodels.results.lost_path import NEAR
 from softmodels.results.outcomes import FAILED
 from softmodels.results.stability_report import unseen
+from softmodels.results.varied import check_varied
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -170,6 +171,7 @@ def _answered(
     """The limits by material and of the devices within the tolerances; ends the program where there are none."""
     case, sampled = question.case, list[Sampled]()
     try:
+        check_varied(case.actuator, question.tolerances, comm)
         around = (case.sheet, case.obstacle, case.formulation, case.parts)
         limits = find_limit(case.actuator, list(materials.values()), comm, *around)
         if question.tolerances:

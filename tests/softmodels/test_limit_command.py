@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import json
@@ -11,7 +12,7 @@ import warnings
 import numpy as np
 import pytest
 
-from geometries import ACTUATORS, HollowDisk, SeminarActuator
+from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
 from geometries.fields import about
 from softmodels.__main__ import softmodels
 from softmodels.case.case import CaseError
@@ -19,8 +20,10 @@ from softmodels.cli.limit_command import Given
 from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.results.limits import Tolerance, find_limit, samples
+from softmodels.results.varied import check_varied
 
 THIN = HollowDisk.variant("shadow", support="base", fillet=0.0, base_fillet=0.0, section="axisymmetric")
+ONE = PneuNet(chambers=1, chamber_width=8e-3, chamber_height=8e-3, cell_size=5e-3)
 OPTIONS = ("--variant", "shadow", "--support", "base", "--fillet", "0mm", "--base-fillet", "0mm")
 
 
@@ -105,6 +108,22 @@ def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path, c
 def test_bad_input_is_a_sentence_and_status_2(words, told, runs):
     done = runs.run("-m", "softmodels", "limit", *words)
     assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and told in done.err
+
+
+@pytest.mark.parametrize(
+    ("device", "vary", "told"),
+    [
+        (ONE, "wall=1mm+-0.1mm", "this PneuNet is the same at 0.9 mm and at 1.1 mm, so"),
+        (Balloon(neck_radius=0.0, cell_size=4e-3), "neck-length=1cm+-10%", "neck_length means nothing with neck_radius"),
+        (Balloon(cell_size=4e-3), "wall=1mm+-0.1mm", ""),
+        (THIN, "offset=0mm+-0.2mm", ""),
+    ],
+)  # fmt: skip
+def test_a_tolerance_without_effect_is_refused(device, vary, told, comm):
+    """Before anything is solved; a cavity that sits too high changes no volume, and is seen all the same."""
+    with pytest.raises(CaseError) if told else contextlib.nullcontext() as refused:
+        check_varied(device, [Tolerance.parse(vary, type(device))], comm)
+    assert not told or told in str(refused.value), refused.value
 
 
 def test_samples_fill_the_tolerances():
