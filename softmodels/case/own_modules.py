@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+from softmodels.mechanics.parts import Part
+
 VARIABLE = "SOFTMODELS_MODULES"
 LIBRARY = ("softmodels", "geometries", "measurement")
 
@@ -35,15 +37,18 @@ def import_own_modules() -> None:
 
 
 def own_modules(*things: object) -> str:
-    """The value of `VARIABLE` with which another process knows the classes of these things, and of all in them, too."""
-    names = {type(value).__module__: None for value in _within(things)}
+    """The value of `VARIABLE` with which another process knows the classes of these things, and of all in them, too.
+
+    So it does what their fields name (`Part.looked_up`).
+    """
+    names = {value.__module__: None for value in _within(things)}
     files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in LIBRARY]
     named = filter(None, os.environ.get(VARIABLE, "").split(os.pathsep))
     return os.pathsep.join(dict.fromkeys([*named, *(str(file) for file in files if file is not None)]))
 
 
 def _within(value: object) -> Iterator[object]:
-    """The frozen dataclasses in a value: a case, its device, its parts, their materials."""
+    """The frozen dataclasses in a value: a case, its device, its parts, their materials; and what parts name."""
     if isinstance(value, tuple | list):
         for one in value:
             yield from _within(one)
@@ -51,6 +56,8 @@ def _within(value: object) -> Iterator[object]:
         yield value
         for field in dataclasses.fields(value):
             yield from _within(getattr(value, field.name))
+        if isinstance(value, Part):
+            yield from value.looked_up
 
 
 def _file(module: ModuleType | None) -> Path | None:

@@ -137,6 +137,10 @@ class Fibres(EnergyPart):
                 name = "stiffness" if unit == "N/m" else "modulus"
                 raise PartError(f"{self.where}: {name} is {value:g} {unit}; {least:g} to {most:g} {unit} are taken")
 
+    @property
+    def looked_up(self) -> tuple[object, ...]:
+        return (FIBRE_LAWS[self.law],)
+
     def check_on(self, actuator: Actuator) -> None:
         check_helix(self.where, actuator, self.axis, self.angle, self.helices == 2)
         if self.modulus:

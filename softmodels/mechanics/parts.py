@@ -112,6 +112,11 @@ class Part(abc.ABC):
         return {field.key or name: field.help for name, field in about(self).items()}
 
     @property
+    def looked_up(self) -> tuple[object, ...]:
+        """Functions and classes that its fields name, such as a law of fibres: they may come from a file of one's own."""
+        return ()
+
+    @property
     def label(self) -> str:
         """What its columns begin with: its name, or its table's."""
         return self.name or self.table

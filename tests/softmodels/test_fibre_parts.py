@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
+from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.mechanics.fabric import Fabric
-from softmodels.mechanics.fibres import Fibres
+from softmodels.mechanics.fibres import Fibres, fibre_law
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.walls.part import Walls
 from softmodels.results.columns import term
 from softmodels.results.lost_path import advice
 
 TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
+
+
+READ = """
+import sys
+from softmodels.case.case import Case
+from softmodels.case.own_modules import import_own_modules
+import_own_modules()
+print(Case.from_file(sys.argv[1]).parts[0].law)
+"""
+
+
+@fibre_law("own")
+def own(k, q, b):
+    return k * (q + b * q**2) / 8
 
 
 def case(device, *parts):
@@ -87,3 +106,14 @@ def test_their_columns_are_explained():
     assert term("braid_mean_tension_kPa").name == "tension of braid"
     assert term("hoop_mean_tension_N_per_m").name == "tension of hoop"
     assert term("cloth_stretch_along").name == "stretch of cloth along"
+
+
+def test_another_process_is_told_of_a_law_of_ones_own(tmp_path):
+    """A process that reads the case's file, such as the one that draws, imports the file with the law."""
+    one, file = case(TUBE, Fibres(on="wall", modulus=1e6, law="own", name="braid")), tmp_path / "case.toml"
+    assert own_modules(case(TUBE, Fibres(on="wall", modulus=1e6))) == "" and own_modules(one) == __file__
+    file.write_text(one.to_toml())
+    environment = {**os.environ, VARIABLE: own_modules(one)}
+    words = [sys.executable, "-c", READ, str(file)]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert done.stdout == "own\n", done.stderr
