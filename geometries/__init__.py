@@ -8,49 +8,46 @@ Every device is a frozen dataclass in SI units. Its ``write`` makes a second-ord
 
 The same from a shell is ``python -m geometries HollowDisk --membrane 4mm -o disk.msh``. A new device is one subclass of
 `Actuator`, here or in a file of one's own; with `register` above it, command lines and settings files find it by its name.
+Every name is loaded when it is first used.
 """
 
-import contextlib
-import sys
+from __future__ import annotations
 
-from measurement.ending import stoppable
+from typing import TYPE_CHECKING
 
-# While Python looks for the module that -m names, as python -m geometries, it is no library that is imported.
-with stoppable("geometries") if sys.argv[:1] == ["-m"] else contextlib.nullcontext():
-    from geometries.actuator import Actuator, CutPlane, Hold
-    from geometries.balloon import Balloon
-    from geometries.beam import Beam
-    from geometries.bellows import Bellows
-    from geometries.bending_bellows import BendingBellows
-    from geometries.cylinder import Cylinder
-    from geometries.disk import HollowDisk
-    from geometries.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
-    from geometries.imported import ImportedActuator
-    from geometries.imported_mesh import ImportedMesh
-    from geometries.membrane import Membrane
-    from geometries.pneunet import PneuNet
-    from geometries.registry import ACTUATORS, register
-    from geometries.seminar import SeminarActuator
+from geometries.registry import PLACES
+from measurement.lazy_names import lazy_names
 
-__all__ = [
-    "ACTUATORS",
-    "Actuator",
-    "Balloon",
-    "Beam",
-    "Bellows",
-    "BendingBellows",
-    "CutPlane",
-    "Cylinder",
-    "GeometryError",
-    "Hold",
-    "HollowDisk",
-    "ImportedActuator",
-    "ImportedMesh",
-    "Membrane",
-    "MeshFileError",
-    "MeshingError",
-    "MeshingStopped",
-    "PneuNet",
-    "SeminarActuator",
-    "register",
-]
+_NAMES, __getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        **{place: (name,) for name, place in PLACES.items()},
+        "geometries.actuator": ("Actuator", "CutPlane", "Hold"),
+        "geometries.errors": ("GeometryError", "MeshFileError", "MeshingError", "MeshingStopped"),
+        "geometries.registry": ("ACTUATORS", "register"),
+    },
+)
+
+__all__ = [*_NAMES]
+
+if TYPE_CHECKING:
+    from geometries.actuator import Actuator as Actuator
+    from geometries.actuator import CutPlane as CutPlane
+    from geometries.actuator import Hold as Hold
+    from geometries.balloon import Balloon as Balloon
+    from geometries.beam import Beam as Beam
+    from geometries.bellows import Bellows as Bellows
+    from geometries.bending_bellows import BendingBellows as BendingBellows
+    from geometries.cylinder import Cylinder as Cylinder
+    from geometries.disk import HollowDisk as HollowDisk
+    from geometries.errors import GeometryError as GeometryError
+    from geometries.errors import MeshFileError as MeshFileError
+    from geometries.errors import MeshingError as MeshingError
+    from geometries.errors import MeshingStopped as MeshingStopped
+    from geometries.imported import ImportedActuator as ImportedActuator
+    from geometries.imported_mesh import ImportedMesh as ImportedMesh
+    from geometries.membrane import Membrane as Membrane
+    from geometries.pneunet import PneuNet as PneuNet
+    from geometries.registry import ACTUATORS as ACTUATORS
+    from geometries.registry import register as register
+    from geometries.seminar import SeminarActuator as SeminarActuator

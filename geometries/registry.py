@@ -2,9 +2,52 @@
 
 from __future__ import annotations
 
-from geometries.actuator import Actuator
+import importlib
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
-ACTUATORS: dict[str, type[Actuator]] = {}
+if TYPE_CHECKING:
+    from geometries.actuator import Actuator
+
+PLACES = {
+    "Balloon": "geometries.balloon",
+    "Beam": "geometries.beam",
+    "Bellows": "geometries.bellows",
+    "BendingBellows": "geometries.bending_bellows",
+    "Cylinder": "geometries.cylinder",
+    "HollowDisk": "geometries.disk",
+    "ImportedActuator": "geometries.imported",
+    "ImportedMesh": "geometries.imported_mesh",
+    "Membrane": "geometries.membrane",
+    "PneuNet": "geometries.pneunet",
+    "SeminarActuator": "geometries.seminar",
+}
+"""The modules of the library's own devices, which register them when they are loaded."""
+
+
+class Devices(Mapping[str, "type[Actuator]"]):
+    """Every device by the name of its class; one of the library's own is loaded when it is looked up."""
+
+    def __init__(self) -> None:
+        self.loaded: dict[str, type[Actuator]] = {}
+
+    def __getitem__(self, name: str) -> type[Actuator]:
+        if name not in self.loaded and name in PLACES:
+            importlib.import_module(PLACES[name])
+        return self.loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from PLACES
+        yield from (name for name in list(self.loaded) if name not in PLACES)
+
+    def __contains__(self, name: object) -> bool:
+        return name in PLACES or name in self.loaded
+
+    def __len__(self) -> int:
+        return len(PLACES.keys() | self.loaded.keys())
+
+
+ACTUATORS = Devices()
 """Every device by the name of its class."""
 
 
@@ -17,8 +60,10 @@ def register[Device: type[Actuator]](device: Device) -> Device:
         ValueError: Another device has this name.
     """
     name = device.__name__
-    known = ACTUATORS.get(name, device)
-    if (known.__module__, known.__qualname__) != (device.__module__, device.__qualname__):
-        raise ValueError(f"there is a device of the name {name!r} already, in {known.__module__}")
-    ACTUATORS[name] = device
+    place = (PLACES.get(name, device.__module__), name if name in PLACES else device.__qualname__)
+    if known := ACTUATORS.loaded.get(name):
+        place = (known.__module__, known.__qualname__)
+    if place != (device.__module__, device.__qualname__):
+        raise ValueError(f"there is a device of the name {name!r} already, in {place[0]}")
+    ACTUATORS.loaded[name] = device
     return device

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.metadata
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -24,6 +23,8 @@ def is_same(one: Path, other: Path) -> bool:
 
 def version() -> str:
     """The installed version; of a bare checkout unknown."""
+    import importlib.metadata
+
     try:
         return importlib.metadata.version("softmodels")
     except importlib.metadata.PackageNotFoundError:

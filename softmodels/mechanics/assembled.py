@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from softmodels.mechanics.face_nodes import FaceNodes
 from softmodels.mechanics.parts import Term
@@ -19,6 +18,7 @@ from softmodels.mechanics.parts import Term
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    import scipy
     from dolfinx import fem
     from petsc4py import PETSc
 
@@ -44,6 +44,8 @@ class AssembledTerm(Term):
     """
 
     def __init__(self, nodes: FaceNodes):
+        import scipy
+
         super().__init__([])
         self.nodes = nodes
         self.bcs: Sequence[fem.DirichletBC] = ()
@@ -76,6 +78,7 @@ class AssembledTerm(Term):
     # -- what the system calls -----------------------------------------------------------------------------------------
 
     def _take(self, w: Array) -> None:
+
         values = self.nodes.values(w)
         if not np.array_equal(values, self._state):
             self._state = values
@@ -108,6 +111,8 @@ class AssembledTerm(Term):
 
     def matrix(self, w: Array) -> scipy.sparse.csr_array:
         """Second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d)."""
+        import scipy
+
         self._take(w)
         if self._matrix is None:
             turn = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
@@ -122,6 +127,7 @@ class AssembledTerm(Term):
 
     def add_to(self, K: PETSc.Mat, w: Array) -> None:
         """Add the second derivative at w to a matrix. Its pattern grows where nodes meet for the first time."""
+        import scipy
         from petsc4py import PETSc
 
         values = self.matrix(w)
@@ -150,6 +156,8 @@ class AssembledTerm(Term):
 
     def _pattern(self) -> scipy.sparse.csr_array:
         """Entries that have ever been coupled, shape (n d, n d)."""
+        import scipy
+
         new = self.coupled()
         if (new > self._known).nnz:
             self._known = scipy.sparse.csr_array(self._known + new)

@@ -11,8 +11,6 @@ import dataclasses
 import itertools
 from collections.abc import Callable
 
-import scipy
-
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.corrector import Corrector
 from softmodels.path.points import Point
@@ -152,6 +150,8 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
 
 def _root(known: list[Known], scale: float) -> float:
     """Volume at which the eigenvalue is zero, by the polynomial through the states around it that are far enough from it."""
+    import scipy
+
     far = _far(known, scale)
     (_, low), (_, high) = _around(far)
     middle = (low.state.V + high.state.V) / 2

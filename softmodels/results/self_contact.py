@@ -14,7 +14,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from softmodels.results.triangles import EDGES, FACES, Array, Cells
 
@@ -69,7 +68,7 @@ class Walls:
         middle, normal, _ = self._measured(points)
         self.turn = np.where(np.einsum("fi,fi->f", middle - inside, normal) > 0.0, 1.0, -1.0)
         self.rest = self._measured(points)
-        near = [scipy.spatial.cKDTree(middles).query(self.rest[0])[0] < 1e-7 * size for middles in resisted]
+        near = [_at(middles, self.rest[0], 1e-7 * size) for middles in resisted]
         self.resisted = np.array(near, dtype=bool).reshape(len(near), len(self.facets))
 
     def _measured(self, at: Array) -> tuple[Array, Array, Array]:
@@ -117,9 +116,18 @@ class Walls:
         return np.asarray((middle[i[deepest]] + middle[j[deepest]]) / 2.0)
 
 
+def _at(places: Array, others: Array, reach: float) -> npt.NDArray[np.bool_]:
+    """Which of the others, shape (n, 3), are not farther than ``reach`` from any of some places, shape (m, 3)."""
+    import scipy
+
+    return np.asarray(scipy.spatial.cKDTree(places).query(others)[0] < reach)
+
+
 def _near(places: Array, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once."""
     if len(places) > FEW:
+        import scipy
+
         i, j = scipy.spatial.cKDTree(places).query_pairs(reach, output_type="ndarray").T
         return i, j
     i, j = np.triu_indices(len(places), 1)

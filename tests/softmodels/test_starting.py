@@ -64,7 +64,8 @@ def test_a_section_is_solved_without_what_it_has_no_use_for(tmp_path):
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
     assert {"dolfinx", "h5py", "softmodels.path.stability"} <= loaded
-    assert not loaded & {"dolfinx_solver", "dolfinx.fem.petsc", "pycparser", "pint", "matplotlib", "pyvista"}
+    assert not loaded & {"dolfinx_solver", "dolfinx.fem.petsc", "pycparser", "pint", "matplotlib", "pyvista", "scipy"}
+    assert not loaded & {"geometries.seminar", "geometries.balloon", "geometries.imported"}
 
 
 @pytest.mark.parametrize("name", ["petsc4py-3.22.1.dist-info", "dolfinx_solver_complex-0.11.0.dist-info"])

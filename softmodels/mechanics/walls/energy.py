@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from softmodels.mechanics.walls.gap import LEAST, Near, Penalty, PointEnergies, pair_curvatures, pair_rates, sum_rates
 from softmodels.mechanics.walls.pairs import Pairs
 from softmodels.mechanics.walls.surface import Array, Numbers
+
+if TYPE_CHECKING:
+    import scipy
 
 FACET_PAIRS = 500
 """Pairs of facets whose blocks are in memory at a time."""
@@ -67,6 +70,8 @@ class Pressed:
 
     def coupled(self, soon: float) -> scipy.sparse.csr_array:
         """Nodes of all that a point touches or is near to, ``soon`` radii, true for each two, shape (n, n)."""
+        import scipy
+
         surface, near = self.surface, self._all_near
         close = self.gaps < soon * self.pairs.radius
         near = near.of_points(close)
@@ -100,6 +105,8 @@ class Pressed:
     @functools.cached_property
     def stiffness(self) -> scipy.sparse.csr_array:
         """Second derivative of the energy, shape (n d, n d); nodes' components follow each other."""
+        import scipy
+
         n, d = self.nodes.shape
         if not self.touching.any():
             return scipy.sparse.csr_array((n * d, n * d))
@@ -130,6 +137,8 @@ class Pressed:
 
     def _through_pairs(self) -> scipy.sparse.csr_array:
         """The second derivative but for that of the area vectors. Pairs of the same two facets are added up first."""
+        import scipy
+
         n, d = self.nodes.shape
         surface, near, first = self.surface, self.near, self.points.first
         owner, rates = surface.owner, surface.area_rates(self.nodes)
@@ -165,6 +174,8 @@ class Pressed:
 
 def _scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> scipy.sparse.csr_array:
     """Sum of small dense blocks, shape (p, a, b), in a sparse matrix; ``rows`` (p, a) and ``columns`` (p, b) are theirs."""
+    import scipy
+
     _, a, b = blocks.shape
     at = (np.repeat(rows, b, axis=1).ravel(), np.tile(columns, (1, a)).ravel())
     return scipy.sparse.csr_array(scipy.sparse.coo_array((blocks.ravel(), at), shape=(height, width)))

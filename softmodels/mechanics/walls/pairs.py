@@ -7,7 +7,6 @@ import functools
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from softmodels.mechanics.walls.surface import Array, Numbers, Surface
 
@@ -75,6 +74,8 @@ class Pairs:
 
     def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
         """Samples and samples of images nearer to each other than ``reach``, where the samples are at ``places``, (s, d)."""
+        import scipy
+
         found = scipy.spatial.cKDTree(places).sparse_distance_matrix(
             scipy.spatial.cKDTree(self.of_all(places)), reach, output_type="ndarray"
         )

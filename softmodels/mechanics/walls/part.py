@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import scipy
 
 from geometries import Actuator
 from geometries.fields import field_of
@@ -26,6 +25,9 @@ from softmodels.mechanics.walls.gap import Penalty
 from softmodels.mechanics.walls.pairs import MOST_IMAGES, Pairs
 from softmodels.mechanics.walls.passing import passes
 from softmodels.mechanics.walls.surface import Array, Surface
+
+if TYPE_CHECKING:
+    import scipy
 
 STIFFNESS = 2000.0
 """Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, since walls are thin."""
