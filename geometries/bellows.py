@@ -31,7 +31,7 @@ from typing import ClassVar
 
 from geometries.actuator import Hold, Vector
 from geometries.bellows_checks import check_bellows
-from geometries.bellows_panels import bellows_panels
+from geometries.bellows_panels import NEAR, bellows_panels, lines
 from geometries.fields import choice_field, length_field
 from geometries.held_tip import HeldTip, tip_field
 from geometries.panels import Panel
@@ -53,7 +53,9 @@ class Bellows(HeldTip, Revolved):
     outer_radius: float = length_field(0.016, "outer radius at the crests")
     wall: float = length_field(0.0015, "thickness of the wall")
     pitch: float = length_field(0.008, "height of a convolution")
-    rounding: float = length_field(0.002, "radius of the roots' and crests' rounding, in the middle of the wall")
+    rounding: float = length_field(
+        0.002, "radius of the roots' and crests' rounding, in the middle of the wall; 0 for half circles", zero=True
+    )
     cap: float = length_field(0.004, "thickness of the plates at both ends")
     tip: str = tip_field("upper plate", "its top")
     cell_size: float = length_field(0.0008, "edge length of the cells along the wall", shape=False)
@@ -93,12 +95,26 @@ class Bellows(HeldTip, Revolved):
         return self.convolutions * self.pitch + 2.0 * self.cap
 
     @property
+    def bend(self) -> float:
+        """Radius in m of roots and crests, in the middle of the wall."""
+        return self.rounding or 0.25 * self.pitch
+
+    @property
     def holds(self) -> tuple[Hold, ...]:
         return (*super().holds, *self.axis_holds)
 
     @property
     def movable(self) -> tuple[str, ...]:
-        return ()  # lines between its arcs come and go with the lengths, in the default one too
+        """All lengths but those with which a line between two arcs would come, where they meet: no mesh follows that."""
+        met = {name for names, line in lines(self).items() if line < NEAR * self.pitch for name in names}
+        return tuple(name for name in super().movable if name not in met)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        return {
+            "wall": self.wall, "plates": self.cap, "air between flanks": 0.5 * self.pitch - self.wall,
+            "air at the roots": self.inner_radius, "inside of the rounding": self.bend - 0.5 * self.wall,
+        }  # fmt: skip
 
     @property
     def probes(self) -> Mapping[str, Vector]:

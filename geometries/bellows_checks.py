@@ -58,7 +58,7 @@ def _check_wall(bellows: Bellows) -> None:
 
 
 def _check_rounding(bellows: Bellows) -> None:
-    bend, quarter = bellows.rounding, 0.25 * bellows.pitch
+    bend, quarter = bellows.bend, 0.25 * bellows.pitch
     least = 0.5 * bellows.wall + SHORTEST
     if bend < least * (1 - ROUNDING):
         raise GeometryError(

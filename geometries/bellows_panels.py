@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from geometries.bellows import Bellows
 
 
+NEAR = 1e-9
+"""Share of the pitch up to which a line has no length."""
+
+
 class Cut(NamedTuple):
     """A cross-section of the wall.
 
@@ -27,9 +31,17 @@ class Cut(NamedTuple):
     centre: Place | None
 
 
+def lines(bellows: Bellows) -> dict[tuple[str, ...], float]:
+    """Lengths in m of the lines between arcs, upright at roots and crests and across in the flanks, by what they hang on."""
+    bend = "rounding" if bellows.rounding else "pitch"
+    depth = bellows.outer_radius - bellows.inner_radius - bellows.wall
+    found = {("outer_radius", "inner_radius", "wall", bend): depth - 2.0 * bellows.bend}
+    return found | ({("pitch", "rounding"): 0.25 * bellows.pitch - bellows.rounding} if bellows.rounding else {})
+
+
 def cuts(bellows: Bellows) -> list[Cut]:
     """The wall's cross-sections from the lower plate to the upper one, where lines and arcs meet and in the crests' middle."""
-    half, turn, bend = 0.5 * bellows.wall, 0.25 * bellows.pitch, bellows.rounding
+    half, turn, bend = 0.5 * bellows.wall, 0.25 * bellows.pitch, bellows.bend
     root, crest = bellows.inner_radius + half, bellows.outer_radius - half
     found: list[Cut] = []
 
@@ -37,7 +49,7 @@ def cuts(bellows: Bellows) -> list[Cut]:
         """A cross-section around (r, z); ``across`` is the unit vector from the air outwards."""
         (x, y) = across
         cut = Cut((r - half * x, z - half * y), (r + half * x, z + half * y), centre)
-        if not found or math.dist(cut.inside, found[-1].inside) > 1e-9 * bellows.pitch:
+        if not found or math.dist(cut.inside, found[-1].inside) > NEAR * bellows.pitch:
             found.append(cut)
 
     for k in range(bellows.convolutions):
@@ -72,7 +84,7 @@ def bellows_panels(bellows: Bellows) -> tuple[Panel, ...]:
     wall = cuts(bellows)
     panels = []
     for a, b in itertools.pairwise(wall):
-        quarter = 0.5 * math.pi * bellows.rounding if b.centre else 0.0
+        quarter = 0.5 * math.pi * bellows.bend if b.centre else 0.0
         count = max(3, cells(quarter)) if b.centre else cells(math.dist(a.inside, b.inside))
         low, high = Side(a.inside, a.outside, through), Side(b.outside, b.inside, through)
         right, left = (side(*pair, b.centre, count, role) for pair, role in

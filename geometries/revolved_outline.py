@@ -16,7 +16,8 @@ from geometries.panels import Place, Side, chained
 
 AXIS = "axis"
 STRAIGHT = 1e-9
-"""Largest sine between two lines that are one, and largest distance of centres and half axes of one arc, in half axes."""
+"""Largest sine between two lines that are one, and largest distance of centres and half axes of one arc, in half axes, and of
+places that are one, in their coordinates."""
 HALF_TURN = math.pi * (1.0 - 1e-6)
 """Arcs are put together up to this angle: a share of half a turn would not tell which way it goes."""
 
@@ -41,11 +42,16 @@ def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
 def _joined(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
     """The first of two sides with the other put to one of its ends; None if they do not go on in each other."""
     for other in (second, second.reversed):
-        if first.end == other.start and first.end not in corners and _in_one(first, other):
+        if first.end == other.start and not _is_corner(first.end, corners) and _in_one(first, other):
             return dataclasses.replace(first, end=other.end)
-        if other.end == first.start and first.start not in corners and _in_one(other, first):
+        if other.end == first.start and not _is_corner(first.start, corners) and _in_one(other, first):
             return dataclasses.replace(first, start=other.start)
     return None
+
+
+def _is_corner(place: Place, corners: Sequence[Place]) -> bool:
+    """Whether a place is one of the corners, which may have been computed in another way, to rounding."""
+    return any(math.dist(place, corner) <= STRAIGHT * max(map(abs, corner)) for corner in corners)
 
 
 def _in_one(one: Side, two: Side) -> bool:

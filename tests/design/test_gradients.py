@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from geometries import Balloon, Cylinder, HollowDisk, Membrane, SeminarActuator
+from geometries import Balloon, Bellows, Cylinder, HollowDisk, Membrane, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.design import meshed_design
 from softmodels.design.evaluation import DesignFailure
@@ -62,6 +62,17 @@ def test_balloons(designed, second_order, comm, name):
     )
     names = ("radius", "polar_radius", "wall", "neck_radius", "neck_length", "fillet")
     second_order(designed(balloon, names, quantities, comm), name, TAYLOR, "balloon")
+
+
+@pytest.mark.parametrize("name", ["inner_radius", "outer_radius", "wall", "pitch", "rounding", "cap"])
+def test_bellows(designed, second_order, comm, name):
+    """Roots and crests with upright lines between their arcs, which shift as a pitch or a rounding changes."""
+    bellows = Bellows(convolutions=1, rounding=0.0015, cell_size=0.004, through=1.0)
+    quantities = (
+        Rise(at=1000.0), DeviceFigure(of="width_mm", at=1000.0), AddedVolume(at=1000.0), MaxStretch(at=1000.0), Mass(),
+    )  # fmt: skip
+    names = ("inner_radius", "outer_radius", "wall", "pitch", "rounding", "cap")
+    second_order(designed(bellows, names, quantities, comm), name, TAYLOR, "bellows")
 
 
 @pytest.mark.parametrize("name", ["inner_radius", "wall", "length", "cap", "fillet"])

@@ -1,4 +1,4 @@
-"""Points of a membrane's and a balloon's boundary on another one: corners to corners, nodes to its outline, and back."""
+"""Points of a membrane's boundary, or another round device's, on another one: corners to corners, nodes to its outline."""
 
 from __future__ import annotations
 
@@ -27,6 +27,9 @@ DEVICES = {
     "balloon": Balloon(),
     "spheroid with a rod": Balloon(polar_radius=0.02, rod_radius=0.002, neck_wall=0.0015),
     "sharp neck": Balloon(fillet=0.0),
+    "bellows": Bellows(outer_radius=0.018),
+    "upright roots and crests": Bellows(outer_radius=0.018, rounding=0.0015),
+    "half circles at any pitch": Bellows(convolutions=2, outer_radius=0.018, rounding=0.0),
     "tube": Cylinder(),
     "sharp half tube": Cylinder(section="half", strip=120.0, length=0.012, fillet=0.0, cell_size=0.004),
     "without a neck": Balloon(neck_radius=0.0),
@@ -94,7 +97,14 @@ def test_outlines_with_other_edges_are_refused():
             one.carried(other, points)
     with pytest.raises(GeometryError, match="same section and angle"):
         DEVICES["wedge"].carried(dataclasses.replace(DEVICES["wedge"], angle=45.0), points)
-    assert Bellows().movable == ()
+
+
+def test_lines_that_come_and_go_are_not_followed():
+    """Half circles stay such at one pitch and rounding, or at any pitch where the rounding is a quarter of it."""
+    whole = ("inner_radius", "outer_radius", "wall", "pitch", "rounding", "cap")
+    assert Bellows(rounding=0.0015).movable == whole and DEVICES["bellows"].movable == (*whole[:3], "cap")
+    assert DEVICES["half circles at any pitch"].movable == (*whole[:4], "cap")
+    assert Bellows(outer_radius=0.0135).movable == ("cap",)  # no flanks
 
 
 def test_clearances_name_what_is_thinnest():
