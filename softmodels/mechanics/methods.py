@@ -91,17 +91,18 @@ def chosen(system: System, method: str) -> Method:
     system.assemble_tangent()
     room = available(system.comm)
     mass = MASS_ENTRY * entries_here(system.K)
-    own = (Factorisation.memory(system.K), Multigrid.memory(system))
-    direct, iterative = (needed(system.comm, mass + taken) for taken in own)
-    fits = {"direct": direct[0] <= room, "iterative": iterative[0] <= room and not rigid}
-    told = f"about {direct[1] / GIGA:.2g} GB, where {room * system.comm.size / GIGA:.2g} GB are free"
-    if fits["direct"] and method != "iterative":
+    iterative = needed(system.comm, mass + Multigrid.memory(system))
+    fits = iterative[0] <= room and not rigid
+    if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
+        return Method("iterative", iterative[1])
+    direct = needed(system.comm, mass + Factorisation.memory(system.K))
+    if direct[0] <= room and method != "iterative":
         return Method("direct", direct[1])
-    if fits["iterative"] and method != "direct":
-        why = f"a factorisation would take {told}" if method == "auto" else ""
-        return Method("iterative", iterative[1], why)
+    if fits and method == "auto":
+        told = f"about {direct[1] / GIGA:.2g} GB, where {room * system.comm.size / GIGA:.2g} GB are free"
+        return Method("iterative", iterative[1], f"a factorisation would take {told}")
     least = iterative if method == "iterative" else direct
-    advice = ", or --solver iterative" if fits["iterative"] else ""
+    advice = ", or --solver iterative" if fits else ""
     raise TooLargeError(
         f"the model has {unknowns} unknowns, and the solution of its equations would take about {least[1] / GIGA:.2g} GB "
         f"of memory, where {room * system.comm.size / GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "

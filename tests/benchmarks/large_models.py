@@ -56,6 +56,9 @@ COLUMNS = (
     "taken_GB",
     "peak_GB",
 )
+STATE_COLUMNS = (
+    "arc", "pressure_cm", "volume", "limit", "newton", "iterations", "cycles", "set_ups", "seconds", "negative", "lowest"
+)  # fmt: skip
 
 
 class Counted:
@@ -103,13 +106,16 @@ def run(folder: Path, angle: float, cell_mm: float, solver_name: str, one: bool)
     began = time.process_time()
     solver.factorise(system.rest())
     first = time.process_time() - began
-    rows = [_one(solver, counted)] if one else list(_states(solver, counted))
+    name, rows = f"states-{solver.method.name}-{unknowns}-{comm.size}.csv", []
+    for state in [_one(solver, counted)] if one else _states(solver, counted):
+        rows.append(state)
+        on_root(comm, lambda: _write_states(folder / name, rows))
     _, peak = needed(comm, _peak())
     whole, busy = time.perf_counter() - begun, needed(comm, time.process_time() - busy)[0]
     values = (unknowns, comm.size, solver.method.name, len(rows), counted.count, solver.bordered.factorisations)
     sizes = (estimate, peak - before, peak)
     row = (*values, f"{whole:.1f}", f"{busy:.1f}", f"{first:.2f}", *(f"{size / 1e9:.4f}" for size in sizes))
-    on_root(comm, lambda: _write(folder, row, rows))
+    on_root(comm, lambda: _write(folder, row))
 
 
 def _one(solver, counted):
@@ -172,17 +178,20 @@ def _now() -> float:
     )
 
 
-def _write(folder: Path, row, rows) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
+def _write_states(file: Path, rows) -> None:
+    """Store all states so far, and show the last."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("w", newline="") as table:
+        csv.writer(table).writerows([STATE_COLUMNS, *rows])
+    print(dict(zip(STATE_COLUMNS, rows[-1], strict=True)), flush=True)
+
+
+def _write(folder: Path, row) -> None:
     table = folder / "runs.csv"
     new = not table.exists()
     with table.open("a", newline="") as file:
         writer = csv.writer(file)
         writer.writerows([COLUMNS, row] if new else [row])
-    with (folder / f"states-{row[2]}-{row[0]}-{row[1]}.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        names = "arc,pressure_cm,volume,limit,newton,iterations,cycles,set_ups,seconds,negative,lowest"
-        writer.writerows([names.split(","), *rows])
     print(dict(zip(COLUMNS, row, strict=True)))
 
 
