@@ -94,7 +94,7 @@ class Adjoint:
 
     def _set(self, lam: Array) -> None:
         x = self._lambda.x
-        x.array[: self.system.n] = lam
+        self.system.unknowns.push(lam, x.array)
         x.scatter_forward()
 
     def gradient(
@@ -190,7 +190,7 @@ class Adjoint:
         """
         system = self.system
         system.load(state)
-        v = tangent.w[: system.n] / tangent.V  # v . q = 1
+        v = system.unknowns.nearest(tangent.w) / tangent.V  # v . q = 1
         by_X = self.covector(v)
         lengths = self.design.motion.gradient(system.stress_unit * by_X, dict(velocities))
         by_material = {}

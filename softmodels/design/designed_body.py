@@ -143,14 +143,11 @@ class Probes:
         return self._everywhere(self._device(system.body.skew_inverse @ w * system.length_unit))
 
     def add(self, by_w: Array, by_X: Array, name: str, by_place: Array, by_displacement: Array) -> None:
-        """Add a derivative by a probe's place and displacement (device coordinates, per m) to those by unknowns and nodes."""
+        """Add a derivative by a probe's place and displacement (device coordinates, per m) to those by owned dofs and nodes."""
         system, motion = self.system, self.design.motion
         dofs, node = self._dofs[name], self._nodes[name]
         if dofs is not None:
             by_w[dofs] += system.length_unit * (self._mesh(by_displacement) @ system.body.skew_inverse)
-            for bc in system.bcs:  # held ones do not move
-                held, _ = bc.dof_indices()
-                by_w[np.intersect1d(dofs, held)] = 0.0
         if node is not None:
             start = node * motion.dimension
             by_X[start : start + motion.dimension] += system.length_unit * self._mesh(by_place)

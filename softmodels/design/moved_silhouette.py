@@ -77,12 +77,9 @@ class MovedSilhouette(Silhouette):
         on_places[0, 0] -= covector.sum(axis=(0, 1))  # heights and distances count from the undeformed top
         axes = system.length_unit * self._axes
         by_w = _added(system.space, self._dofs, self._of_edges(covector) @ axes @ system.body.skew_inverse)
-        for bc in system.bcs:
-            held, _ = bc.dof_indices()
-            by_w[held] = 0.0
         at_nodes = np.einsum("sk,msd->mkd", self._mix, self._of_edges(on_places) @ axes)
         components = motion.dimension * self._blocks[..., None] + np.arange(motion.dimension)
-        return by_w[: system.n], _added(motion.space, components, at_nodes)
+        return system.by_unknowns(by_w[: system.n]).copy(), _added(motion.space, components, at_nodes)
 
     def _of_edges(self, values: Array) -> Array:
         """The transpose of gathering and arranging: values on the chain to this rank's edges, (m, 3, 2)."""

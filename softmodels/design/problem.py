@@ -259,8 +259,9 @@ def _check_load(case: Case) -> None:
         raise DesignError(
             "the case lowers its pressure again (cycle); a design is judged on the way up, so leave it out"
         )
-    if case.parts:
-        raise DesignError(f"the case has a {case.parts[0].where}, whose gradients are not known; leave it out")
+    for part in case.parts:
+        if why := part.undesigned(case.actuator):
+            raise DesignError(f"the case has a {part.where}, {why}; leave it out")
     if case.obstacle is not None:
         raise DesignError("the case has a rigid plane to rest on, and gradients do not know contact; leave it out")
 

@@ -79,6 +79,9 @@ class Fabric(EnergyPart):
         if self.slack and self.poisson:
             raise PartError(f"{self.where}: yarns that go slack do not contract each other; leave out poisson or slack")
 
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
     def check_on(self, actuator: Actuator) -> None:
         names = names_in(self.on)
         if not names:

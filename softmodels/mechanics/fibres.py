@@ -31,7 +31,7 @@ from softmodels.mechanics.causes import Cause
 from softmodels.mechanics.directions import Helix, check_axis, check_helix
 from softmodels.mechanics.kinking import kinked, worst_kink
 from softmodels.mechanics.named_places import check_faces, check_regions, names_in
-from softmodels.mechanics.parts import EnergyPart, Equations, PartError, Setting, register_part
+from softmodels.mechanics.parts import INSIDE, EnergyPart, Equations, PartError, Setting, register_part
 from softmodels.mechanics.sheet import locking
 from softmodels.mechanics.strain_term import Place, StrainTerm, change_along, faces, regions
 
@@ -136,6 +136,9 @@ class Fibres(EnergyPart):
             if value and not least <= value <= most:
                 name = "stiffness" if unit == "N/m" else "modulus"
                 raise PartError(f"{self.where}: {name} is {value:g} {unit}; {least:g} to {most:g} {unit} are taken")
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return INSIDE if self.modulus and self.on else ""
 
     @property
     def looked_up(self) -> tuple[object, ...]:

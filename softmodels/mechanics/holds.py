@@ -20,7 +20,7 @@ from geometries.kinds import Words
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.loads import direction
 from softmodels.mechanics.named_places import names_in
-from softmodels.mechanics.parts import Part, PartError, register_part
+from softmodels.mechanics.parts import INSIDE, Part, PartError, register_part
 from softmodels.mechanics.regions import RegionPart
 
 if TYPE_CHECKING:
@@ -71,6 +71,9 @@ class Clamp(Part):
                     f"{self.where}: {type(actuator).__name__} has no {role!r}; known are {', '.join(known)}"
                 )
         self.holds(actuator)
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return INSIDE if set(self.roles) & set(actuator.regions) else ""
 
     def holds(self, actuator: Actuator) -> list[Hold]:
         """What it holds on a device.

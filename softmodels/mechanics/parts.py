@@ -46,6 +46,10 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 
+INSIDE = "which is of a region, and no mesh of a design follows where regions meet inside the device"
+"""Why designs refuse parts of regions."""
+
+
 class PartError(Spoken, ValueError):
     """A part that cannot be meant, or not on this device; the message is a sentence for the user."""
 
@@ -110,6 +114,14 @@ class Part(abc.ABC):
     def explained(self) -> Mapping[str, str]:
         """What the entries of its table are."""
         return {field.key or name: field.help for name, field in about(self).items()}
+
+    def undesigned(self, actuator: Actuator) -> str:
+        """Why a design's gradients do not know it, a clause after its name; empty if they do.
+
+        They know what its energy and its holds are on the boundary and in the body as a whole. Where regions meet inside the
+        device, the mesh goes as its cells like it, and not where the parameters say.
+        """
+        return "whose gradients are not known"
 
     @property
     def looked_up(self) -> tuple[object, ...]:

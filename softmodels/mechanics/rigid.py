@@ -20,7 +20,7 @@ from geometries.kinds import Choice, Quantity, Several, Words
 from softmodels.mechanics.body import in_section
 from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed, check_finite
 from softmodels.mechanics.named_places import check_regions
-from softmodels.mechanics.parts import PartError, register_part
+from softmodels.mechanics.parts import INSIDE, PartError, register_part
 from softmodels.mechanics.rigid_motion import Freedom
 
 Array = npt.NDArray[np.float64]
@@ -106,6 +106,12 @@ class Rigid(HeavyPart):
                 "move; use another face, or kind = 'held'"
             )
         self.freedom(actuator, np.zeros(actuator.dimension))
+
+    def undesigned(self, actuator: Actuator) -> str:
+        if self.region:
+            return INSIDE
+        turns = len(self.freedom(actuator, np.zeros(actuator.dimension)).axes) > 0
+        return "which can turn about a point that its design moves; guide it (kind = 'guided')" if turns else ""
 
     def freedom(self, actuator: Actuator, centre: Array) -> Freedom:
         """The motions left to it.

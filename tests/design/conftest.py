@@ -28,10 +28,10 @@ def designed():
     """Return a function that makes a design model of a device, kept for the session."""
     known = {}
 
-    def make(device, names, quantities, comm, **more):
-        key = (device, tuple(names), tuple(quantities), tuple(more.items()))
+    def make(device, names, quantities, comm, parts=(), **more):
+        key = (device, tuple(names), tuple(quantities), parts, tuple(more.items()))
         if key not in known:
-            case = Case(name="design", actuator=device, material=SILICONE, pressures_cm=(20.0,))
+            case = Case(name="design", actuator=device, material=SILICONE, pressures_cm=(20.0,), parts=parts)
             known[key] = DesignModel(case, names, quantities, comm, **more)
         return known[key]
 

@@ -58,7 +58,7 @@ class PlacesMeasure(Measure):
                     for which in (0, 1)
                 )
             probes.add(by_w, by_X, name, by_place, by_displacement)
-        return Slopes(self.function(rest, moved), by_w, 0.0, by_X)
+        return Slopes(self.function(rest, moved), self.design.system.by_unknowns(by_w).copy(), 0.0, by_X)
 
 
 def _shifted(
