@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from softmodels.results.writing import replace
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image as Picture
+from PIL.PngImagePlugin import PngInfo
+
+from softmodels.results.writing import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+COMPRESSION = 5
+"""Of a PNG: a level more takes half as long again and saves a fifteenth."""
 
 
 class DrawnFolder:
@@ -21,6 +30,23 @@ class DrawnFolder:
 
     def save(self, name: str, figure: Figure, metadata: Mapping[str, str] | None = None) -> None:
         """Write a figure as NAME.png, with texts in its header."""
-        texts = dict(metadata or {})
-        replace(self.path / f"{name}.png", lambda path: figure.savefig(path, format="png", metadata=texts))
+        write_bytes(self.path / f"{name}.png", png(figure, metadata or {}))
         self.written.append(self.path / f"{name}.png")
+
+
+def png(figure: Figure, texts: Mapping[str, str]) -> bytes:
+    """A figure as a PNG without transparency, which its pages do not have: in half the time, and no larger.
+
+    Args:
+        figure: The figure.
+        texts: What stands in its header.
+    """
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    header = PngInfo()
+    for key, text in {"Software": "softmodels", **texts}.items():
+        header.add_itxt(key, text)
+    stream = io.BytesIO()
+    page = Picture.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    page.save(stream, "PNG", compress_level=COMPRESSION, pnginfo=header, dpi=(figure.dpi, figure.dpi))
+    return stream.getvalue()

@@ -85,23 +85,21 @@ def _captioned(image: Image, text: str, scale: Scale) -> Image:
 
 def gif(images: list[Image]) -> bytes:
     """Frames as a GIF of at most `LARGEST` bytes; frames are left out if it must be."""
+    # One palette for all, from all: colours then do not flicker.
+    sample = np.concatenate([image[::4, ::4] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
+    palette = Picture.fromarray(sample).quantize(256, Picture.Quantize.MAXCOVERAGE)
+    pages = [
+        Picture.fromarray(image).quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG) for image in images
+    ]
     for count in FEWER:
-        chosen = [
-            images[k] for k in np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int))
-        ]
-        data = _gif(chosen)
+        places = np.linspace(0, len(pages) - 1, min(count, len(pages))).round().astype(int)
+        data = _gif([pages[k] for k in np.unique(places)])
         if len(data) <= LARGEST:
             break
     return data
 
 
-def _gif(images: list[Image]) -> bytes:
-    # One palette for all, from all: colours then do not flicker.
-    sample = np.concatenate([image[::2, ::2] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
-    palette = Picture.fromarray(sample).quantize(256, Picture.Quantize.MAXCOVERAGE)
-    pages = [
-        Picture.fromarray(image).quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG) for image in images
-    ]
+def _gif(pages: list[Picture.Image]) -> bytes:
     stream = io.BytesIO()
     pages[0].save(stream, "GIF", save_all=True, append_images=pages[1:], duration=_times(pages), loop=0, optimize=False)
     return stream.getvalue()

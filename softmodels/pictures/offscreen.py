@@ -19,7 +19,7 @@ from softmodels.results.triangles import Array, Cells
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
-    from pyvista import PolyData
+    from pyvista import Plotter, PolyData
 
 PIXELS = round(WIDTH * DPI)
 """Width of a picture."""
@@ -177,17 +177,39 @@ def ring(centre: Array, direction: Array, radius: float) -> PolyData:
     return lines(points, np.column_stack([np.arange(48), np.roll(np.arange(48), -1)]))
 
 
+@functools.cache
+def _plotter(samples: int, process: int) -> Plotter:
+    """A window to render in, with its lights: kept, because a new one compiles its shaders anew.
+
+    Args:
+        samples: Per pixel, against jagged edges.
+        process: Whose it is; a window does not survive that its process is forked.
+    """
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=True, lighting="none")
+    plotter.set_background("white")
+    plotter.add_light(pyvista.Light(light_type="headlight", intensity=0.5))
+    plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.4, 1.0, 0.3), intensity=0.35))
+    plotter.camera.parallel_projection = True
+    if samples > 1:
+        plotter.enable_anti_aliasing("msaa", multi_samples=samples)
+    else:
+        plotter.disable_anti_aliasing()
+    return plotter
+
+
 @contextlib.contextmanager
 def studio(camera: Camera, samples: int = 4) -> Iterator[Shoot]:
     """A place to take pictures in, with one camera: gives a function from layers to an image, shape (height, width, 3).
+
+    One at a time in a process.
 
     Args:
         camera: From where it is seen.
         samples: Per pixel, against jagged edges.
     """
-    import pyvista
-
-    plotter = pyvista.Plotter(off_screen=True, window_size=camera.size, lighting="none")
+    plotter = _plotter(samples, os.getpid())
     direction, focus = np.asarray(camera.direction), np.asarray(camera.focus)
     far = 4 * camera.scale * max(1.0, camera.size[0] / camera.size[1])
 
@@ -207,15 +229,11 @@ def studio(camera: Camera, samples: int = 4) -> Iterator[Shoot]:
         plotter.render_window.Render()  # a second screenshot would not
         return np.asarray(plotter.screenshot(return_img=True))
 
+    if tuple(plotter.window_size) != camera.size:
+        plotter.window_size = list(camera.size)
+    plotter.camera_position = [focus + 10 * far * direction, focus, camera.up]
+    plotter.camera.parallel_scale = camera.scale
     try:
-        plotter.set_background("white")
-        plotter.add_light(pyvista.Light(light_type="headlight", intensity=0.5))
-        plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.4, 1.0, 0.3), intensity=0.35))
-        plotter.camera_position = [focus + 10 * far * direction, focus, camera.up]
-        plotter.camera.parallel_projection = True
-        plotter.camera.parallel_scale = camera.scale
-        if samples > 1:
-            plotter.enable_anti_aliasing("msaa", multi_samples=samples)
         yield shoot
     finally:
-        plotter.close()
+        plotter.clear_actors()

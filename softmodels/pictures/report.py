@@ -165,7 +165,7 @@ def _source(path: Path) -> str:
         if small.width > WIDEST:
             small = small.resize((WIDEST, round(small.height * WIDEST / small.width)), Picture.Resampling.LANCZOS)
         stream = io.BytesIO()
-        small.save(stream, "WEBP", quality=88, method=4)
+        small.save(stream, "WEBP", quality=88, method=2)  # 4 takes three times as long for a twentieth
     return data_uri(stream.getvalue(), "image/webp")
 
 

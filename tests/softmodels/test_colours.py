@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from types import SimpleNamespace
 
@@ -77,12 +78,12 @@ def test_a_films_gradients_are_not_banded():
     ramp = matplotlib.colormaps["Spectral_r"](np.linspace(0, 1, film.WIDE))[:, :3]
     shade = np.linspace(0.6, 1.0, 120)[:, None, None]
     frames = [np.uint8(255 * np.clip(shade * ramp * k, 0, 1)) for k in (0.9, 0.95, 1.0)]
-    with Image.open(__import__("io").BytesIO(film.gif(frames))) as made:
+    with Image.open(io.BytesIO(film.gif(frames))) as made:
         made.seek(2)
         shown = np.asarray(made.convert("RGB"), dtype=float)
     error = (shown - frames[2]).reshape(15, 8, film.WIDE // 8, 8, 3).mean(axis=(1, 3))
     assert np.sqrt((error**2).mean()) < 4.0  # bands of 160 colours of three frames: 7
-    with Image.open(__import__("io").BytesIO(film.webp(frames))) as made:
+    with Image.open(io.BytesIO(film.webp(frames))) as made:
         assert made.size == (film.WIDE, 120) and made.n_frames == 3
 
 
@@ -118,7 +119,22 @@ def test_titles_of_three_cavities_stay_within_their_pictures():
     ):
         figure.draw_without_rendering()
         wide, tall = figure.bbox.width, figure.bbox.height
-        top = max(axes.get_window_extent().y1 for axes in figure.axes)
+        top = max(image.get_window_extent().y1 for image in [*figure.axes, *figure.artists])
         boxes = [text.get_window_extent() for text in figure.texts]
         assert all(box.width < 0.99 * wide / columns and box.y1 <= tall and box.y0 >= top for box in boxes)
         assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+
+
+def test_a_gif_that_is_too_large_has_fewer_frames_in_the_same_colours(monkeypatch):
+    across = np.linspace(0, 255, 64).astype(np.uint8)
+    frames = [np.dstack(np.broadcast_arrays(across[:, None], across, np.uint8(8 * k))) for k in range(30)]
+
+    def opened(data):
+        with Image.open(io.BytesIO(data)) as made:
+            return made.n_frames, made.getpalette()
+
+    whole = film.gif(frames)
+    monkeypatch.setattr(film, "LARGEST", round(0.9 * len(whole)))
+    less = film.gif(frames)
+    assert len(less) <= film.LARGEST
+    assert opened(whole) == (30, opened(less)[1]) and opened(less)[0] == 25

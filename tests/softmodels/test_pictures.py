@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import os
 import shutil
 from pathlib import Path
@@ -20,6 +21,7 @@ from softmodels.pictures import draw as pictures
 from softmodels.pictures import offscreen, outline_curves, path_curves, section_pictures, solid_pictures
 from softmodels.pictures.colour_scale import Scale
 from softmodels.pictures.cut_open import cut_open
+from softmodels.pictures.drawn_folder import png
 from softmodels.pictures.viewpoint import look
 from softmodels.results import triangles
 from softmodels.results.skin import CUT
@@ -280,3 +282,12 @@ def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
     assert face.area == pytest.approx(slices * area, rel=1e-3)
     ends = rim.lines.reshape(-1, 3)[:, 1:].ravel()
     assert (np.bincount(ends) == 2).all()
+
+
+def test_a_rendered_image_stands_on_its_page_as_it_is():
+    image = np.random.default_rng(5).integers(0, 256, (200, 1600, 3), dtype=np.uint8)
+    drawn = png(solid_pictures.page(image, "a title", note="and a note"), {"Title": "a title"})
+    with Image.open(io.BytesIO(drawn)) as page:
+        found = np.asarray(page)
+        assert page.mode == "RGB" and page.text["Title"] == "a title" and found.shape[1] == 1600
+    assert (found[-200:] == image).all() and not (found[:-200] == 255).all()
