@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.body import Body
+from softmodels.mechanics.cell_measure import cell_measure
 from softmodels.mechanics.mpi import any_rank, total
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.region_space import known_to_all
@@ -17,7 +18,6 @@ from softmodels.mechanics.rigid_motion import RigidMotion
 from softmodels.mechanics.unknowns import RigidUnknowns, Unknowns
 
 if TYPE_CHECKING:
-    import ufl
     from dolfinx import fem
 
 Array = npt.NDArray[np.float64]
@@ -111,23 +111,13 @@ def _centre(body: Body, part: Rigid) -> Array:
     d = body.actuator.dimension
     if d == 2:
         return np.zeros(d)
-    area, X = _measure(body, part), ufl.SpatialCoordinate(body.mesh)
+    area = body.sheet_face(part.face)[0] if part.face else cell_measure(body, body.regions[part.region])
+    X = ufl.SpatialCoordinate(body.mesh)
     one = fem.Constant(body.mesh, 1.0)
     size, *moments = (total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
     centre = np.array(moments) / size
     normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
     return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
-
-
-def _measure(body: Body, part: Rigid) -> ufl.Measure:
-    import ufl
-    from dolfinx import mesh as meshes
-
-    if part.face:
-        return body.sheet_face(part.face)[0]
-    cells = np.sort(body.regions[part.region])
-    tags = meshes.meshtags(body.mesh, body.mesh.topology.dim, cells, np.ones(len(cells), dtype=np.int32))
-    return ufl.Measure("dx", body.mesh, subdomain_data=tags)(1)
 
 
 def still_pressures(body: Body, space: fem.FunctionSpace, parts: Sequence[Part]) -> list[fem.DirichletBC]:

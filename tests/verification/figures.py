@@ -9,9 +9,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
+import tempfile
 from pathlib import Path
 
-from geometries import HollowDisk, ImportedActuator, PneuNet, SeminarActuator
+from geometries import Bellows, Cylinder, HollowDisk, ImportedActuator, PneuNet, SeminarActuator
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
@@ -20,6 +21,13 @@ FINGER = PneuNet(chambers=2, paper=0.0005, cell_size=0.005)
 SECTION = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
 TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, cell_size=0.003)
 """With two equal membranes, of which one balloons in the end."""
+
+TUBE = Cylinder(section="axisymmetric", cell_size=0.002)
+BELLOWS = Bellows(
+    convolutions=1, inner_radius=6.276e-3, outer_radius=10.77e-3, wall=0.95e-3, pitch=5.261e-3, rounding=0.845e-3,
+    cap=2.73e-3, cell_size=1e-3, through=1.0,
+)  # fmt: skip
+"""The edge of its cap is pushed over on a plane that stops it."""
 
 
 def pair_of(step: Path) -> ImportedActuator:
@@ -70,6 +78,40 @@ def figures(
     found["design, values and gradients"] = design(comm)
     found["section under its weight and a force"] = loaded(comm, section)
     found["wedge by iterations"] = iterated(comm, wedge)
+    found["ends that are named"] = endings(comm)
+    return found
+
+
+def endings(comm) -> list[float]:
+    """Whether a cavity that cannot change, and a bellows whose cap snaps on a plane, end as such."""
+    from softmodels import Clamp, Obstacle, Rigid
+    from softmodels.materials.laws import Gent, NeoHookean
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.mpi import on_root
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
+    from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.ends import LOCKED, SNAPPED
+    from softmodels.path.points import PathEnd
+    from softmodels.path.quantities import AddedVolume
+
+    held = {"parts": (Rigid(region="cap", kind="held", name="plate"), Clamp("outer", slip="z", name="grip"))}
+    stopped = {"obstacle": Obstacle("tip", "z = 14.126 mm")}
+    found = []
+    for device, law, around, cause in (
+        (TUBE, NeoHookean(30e3, 0.5), held, LOCKED),
+        (BELLOWS, Gent(17.95e3, 57.0, 0.5), stopped, SNAPPED),
+    ):
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(comm.bcast(folder)) / "device.msh"
+            on_root(comm, lambda device=device, file=file: device.write(file))
+            equations = Solver(System(Body.from_file(device, file, comm), law, **around))
+            comm.barrier()
+        try:
+            for _ in trace(Continuation(equations, AddedVolume()), [10.0]):
+                pass
+        except PathEnd as end:
+            found.append(float(end.cause == cause))
     return found
 
 
