@@ -149,7 +149,7 @@ def photographs(folder: Path, tell: Callable[[str], None]) -> None:
     """The grid alone and the inflated disk, with the table of the column's levels."""
     from softmodels.mechanics.mpi import start
 
-    tell("simulating the disk that is photographed (compiled the first time, half a minute)")
+    tell("simulating the disk that is photographed (compiled the first time, some ten seconds)")
     _, halves = inflated(TRUTH, start())
     take_photographs(folder, TRUTH, halves, bench(), tell)
     (folder / "IMG_0100.JPG").rename(folder / "grid.jpg")

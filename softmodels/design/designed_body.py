@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from softmodels.design.mesh_motion import MeshMotion
 from softmodels.materials.strain import Strain
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.face_load import face_load
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.solver import Solver
@@ -56,7 +57,7 @@ class DesignedBody:
     def _gradients(self) -> object:
         from dolfinx import fem
 
-        return fem.Expression(self.strain.F, self.system.points, jit_options={"cffi_extra_compile_args": ["-O2"]})
+        return fem.Expression(self.strain.F, self.system.points, jit_options=JIT)
 
     def gradients(self) -> Array:
         """Deformation gradients of the loaded state at the integration points, shape (cells, points, 3, 3)."""

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.body import Body
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.petsc_matrices import assembled_matrix
-from softmodels.mechanics.system import JIT
 
 if TYPE_CHECKING:
     import ufl

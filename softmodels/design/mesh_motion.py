@@ -23,8 +23,8 @@ from geometries.errors import GeometryError
 from geometries.parameters import changed, is_length, parameter
 from softmodels.design.extension import Extension
 from softmodels.mechanics.body import Body
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.system import JIT
 
 if TYPE_CHECKING:
     import ufl

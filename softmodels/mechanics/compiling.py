@@ -19,8 +19,11 @@ from softmodels.mechanics.mpi import on_root
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+JIT = {"cffi_extra_compile_args": ["-O2", "-g0"]}
+"""How DOLFINx has the C compiler called: as Python's modules are, but not for debuggers, which takes longer than all else."""
+
 LONGEST = 180.0
-"""Seconds after which nobody can still be compiling one module: a solid slice takes half a minute on a slow machine."""
+"""Seconds after which nobody can still be compiling one module: a solid slice takes half a minute on a slow one."""
 
 LONG = (
     "another run has been compiling the same equations for long, or was killed meanwhile; run again after "

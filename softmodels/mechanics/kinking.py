@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from softmodels.materials.material import Material
 from softmodels.mechanics.causes import Cause
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.ellipticity import Reinforced, least_resistance
 
 if TYPE_CHECKING:
@@ -60,8 +61,7 @@ def worst_kink(
     parts += [stress[1][k, k] for k in range(families)]
     place = ufl.SpatialCoordinate(body.mesh)
     parts += [place[i] for i in range(len(place))]
-    options = {"cffi_extra_compile_args": ["-O2"]}
-    table = fem.Expression(ufl.as_vector(parts), equations.points, jit_options=options)
+    table = fem.Expression(ufl.as_vector(parts), equations.points, jit_options=JIT)
     values = np.asarray(table.eval(body.mesh, cells)).reshape(-1, len(parts))  # no cells of this rank: no rows
     ends = np.cumsum([9, 3 * families, families, families, families])
     gradients, directions, changes, stresses, slopes, places = np.split(values, ends, axis=1)

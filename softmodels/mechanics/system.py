@@ -20,6 +20,7 @@ from softmodels.materials.strain import Strain
 from softmodels.mechanics.assembled import AssembledTerms
 from softmodels.mechanics.assembly import Assembly
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.dead_loads import DeadLoads
@@ -42,7 +43,6 @@ FORMULATIONS = ("mixed", "displacement")
 VOLUME_TOLERANCE = 0.1
 """Of the cavity's volume by its mesh against its closed form: straight edges cost a few percent, and so do three curved ones
 around a channel; six of them a part in a thousand."""
-JIT = {"cffi_extra_compile_args": ["-O2"]}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.petsc_matrices import assembled_matrix
 from softmodels.mechanics.solver import Solver
@@ -76,7 +77,7 @@ class Stability:
         u, v = (ufl.split(f)[0] if eq.mixed else f for f in (trial, test))
         dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
         mass = ufl.inner(eq.body.displacement(u), eq.body.displacement(v)) * eq.body.hoop * dx
-        form = fem.form(mass, jit_options={"cffi_extra_compile_args": ["-O2"]})
+        form = fem.form(mass, jit_options=JIT)
         self.mass = assembled_matrix(form, eq.bcs, 0.0)
         self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from geometries.actuator import Vector
 from softmodels.case.gauges import NONE, Gauges, followed_text
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.solver import Solver, Tangent
@@ -52,8 +53,7 @@ class Fields:
         self.rest_volume = system.rest().V
         self._rest_volumes = system.volumes()
         places = ufl.SpatialCoordinate(system.body.mesh)
-        options = {"cffi_extra_compile_args": ["-O2"]}
-        self._places = fem.Expression(places, system.points, jit_options=options)
+        self._places = fem.Expression(places, system.points, jit_options=JIT)
         self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
         self._gauges, self._followed = gauges, followed_points(system, self.grid, gauges)
 

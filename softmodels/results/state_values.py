@@ -7,6 +7,7 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.face_load import face_load
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
@@ -38,7 +39,7 @@ class Sampling:
         F = system.body.deformation_gradient(system.potential.displacement, at_axis=True)
         self.to_nodes = _linear_fit(system.points, space.element.interpolation_points)
         self.between = barycentric(space.element.interpolation_points)
-        self._gradients = fem.Expression(F, system.points, jit_options={"cffi_extra_compile_args": ["-O2"]})
+        self._gradients = fem.Expression(F, system.points, jit_options=JIT)
         self._dofs = space.dofmap.list[: len(system.cells)]
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))

@@ -102,7 +102,7 @@ class Simulation:
         from softmodels.results.fields import Fields
 
         case, say = self.case, self.listener.say
-        say("preparing the equations (compiled the first time, half a minute; then from the cache)")
+        say("preparing the equations (compiled the first time, some ten seconds; then from the cache)")
         on_root(self.comm, lambda: wait_for_cache(cache(), say, self.stopped))
         self._stop_if_asked()
         try:
