@@ -7,6 +7,10 @@
 Three quarters of an hour for each design on one core: 350,000 unknowns. The problem is seminar_lift.toml beside this file;
 every design is kept in the folder as soon as it is known. With --compare nothing is searched: the device as given is solved
 along its whole path on its own mesh and on one with cells so many times smaller.
+
+The first design on two ranks of a machine that others used too, limit point and gradients by 34 parameters included: 1,915 s
+with 119 Newton iterations on 348,744 unknowns, where central differences would have taken 68 paths. Half of that is spent where
+a channel bulges all at once, in steps that Newton's method passes with trouble.
 """
 
 from __future__ import annotations
