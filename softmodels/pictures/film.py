@@ -49,7 +49,7 @@ def frames(look: Look, count: int = FRAMES) -> list[Image]:
     camera = look.camera(spread, WIDE, tallest=0.75)
     count = count if states.loaded and len(steps) > 1 else 1
     found = []
-    with studio(camera, samples=2) as shoot:
+    with studio(camera, draft=True) as shoot:
         for place in np.linspace(0.0, 1.0, count):
             position = float(np.interp(place, states.along, steps)) if count > 1 else float(steps[-1])
             found.append(_captioned(shoot(look.coloured(position, scale)), _caption(states, position), scale))

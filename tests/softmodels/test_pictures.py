@@ -291,3 +291,17 @@ def test_a_rendered_image_stands_on_its_page_as_it_is():
         found = np.asarray(page)
         assert page.mode == "RGB" and page.text["Title"] == "a title" and found.shape[1] == 1600
     assert (found[-200:] == image).all() and not (found[:-200] == 255).all()
+
+
+@pytest.mark.skipif(not offscreen.can_render(), reason="this machine cannot render")
+def test_a_draft_shows_the_same_and_is_soft_at_its_edges(wedge):
+    shown = look(States(wedge, "disk"))
+    camera = shown.camera([0], width=320)
+    scale = shown.scale([STEPS - 1])
+    found = []
+    for draft in (False, True):
+        with offscreen.studio(camera, draft=draft) as shoot:
+            found.append(shoot(shown.coloured(0.0, scale)).astype(float))
+    assert found[0].shape == found[1].shape and np.abs(found[0] - found[1]).mean() < 4.0
+    between = (found[1] > 60).all(axis=2) & (found[1] < 245).all(axis=2) & (np.ptp(found[1], axis=2) < 40)
+    assert between.sum() > 50  # the mean of a dark line and of white, all around
