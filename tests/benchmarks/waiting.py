@@ -6,6 +6,10 @@
 Both trees need an environment of their own (``.venv``). Each command is run once in each to warm the caches, and then in turn.
 CPU seconds are of the command and its processes together, and tell the same on a busy machine; what overlaps on two cores
 shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes one of the commands.
+
+Against ee3d6d7, CPU seconds before and after on a busy machine, medians of three: help 1.00 and 0.21 (4.2 times less), section
+1.90 and 0.85 (2.2 times less). Of the wedge's first run, the C compiler takes 5.1 s where it took 11.6; all drawing at its end,
+apart from loading what draws, 10.1 s where it took 13.3.
 """
 
 from __future__ import annotations
