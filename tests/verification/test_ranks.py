@@ -58,7 +58,7 @@ def test_figures_do_not_depend_on_the_ranks(ranks, meshes, serial, figure):
     assert run.returncode == 0, run.stderr
     found = json.loads(run.stdout.strip().splitlines()[-1])
     assert found.pop("ranks") == ranks
-    assert set(found) == set(serial) and "limit" in found and found["ends that are named"] == [1.0, 1.0]
+    assert set(found) == set(serial) and "limit" in found and found["end that is named"] == [1.0]
     for state, values in serial.items():
         assert len(found[state]) == len(values)
         whole = np.maximum(np.abs(values), 1e-3)
