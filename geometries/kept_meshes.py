@@ -37,6 +37,13 @@ def take(actuator: Actuator, path: Path) -> bool:
     return False
 
 
+def known(actuator: Actuator) -> bool:
+    """Whether a device's mesh is kept."""
+    with contextlib.suppress(OSError, RuntimeError):
+        return (kept := _place(actuator)) is not None and kept.exists()
+    return False
+
+
 def keep(actuator: Actuator, path: Path) -> None:
     """Keep the mesh in a file as a device's."""
     with contextlib.suppress(OSError, RuntimeError):

@@ -139,7 +139,7 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
         from softmodels.cli.run import run
 
     try:
-        if (ranks := ranks_for(ready, how.ranks)) > 1:
+        if (ranks := ranks_for(ready, how.ranks, how.quiet)) > 1:
             sys.exit(start_again(ranks))
         with stoppable("softmodels", speaks):
             start(how.petsc)

@@ -7,6 +7,7 @@ its processes on Ctrl-C before they can close their files; here the signal goes 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import shutil
 import signal
@@ -18,7 +19,7 @@ from types import FrameType
 
 import click
 
-from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped
+from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped, kept_meshes
 from measurement.ending import STOPPED, STOPS, asked_to_stop
 from softmodels.case.case import Case
 from softmodels.mechanics.mpi import TERMINAL, StartError, launched
@@ -27,6 +28,8 @@ AUTO = "auto"
 EACH = 30_000
 """Unknowns of a rank from which on another one pays: on two cores a path of 25,000 is as quick on one of them while the other
 draws, and one of 88,000 takes two thirds of the time on two."""
+PR_SET_PDEATHSIG = 1
+"""Of Linux' prctl."""
 PER_NODE = 3.2
 """Unknowns per node of a solid mesh: three displacements, and the pressure at its corners."""
 
@@ -53,12 +56,13 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
-def ranks_for(case: Case, wanted: int | None) -> int:
+def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
     """The number of ranks that a case is solved on, where no launcher has decided it.
 
     Args:
         case: What is to be solved.
         wanted: As many as the user says; None for as many as pay: those of the cores that have `EACH` unknowns or more.
+        quiet: Do not report what takes its time.
 
     Raises:
         StartError: A launcher has started another number of ranks than is wanted, or there is none to start them.
@@ -70,7 +74,7 @@ def ranks_for(case: Case, wanted: int | None) -> int:
             )
         return 1
     if wanted is None:
-        paying = _unknowns(case) // EACH if cores() > 1 and _launcher() else 1
+        paying = _unknowns(case, quiet) // EACH if cores() > 1 and _launcher() else 1
         return max(1, min(cores(), paying))
     if wanted > 1 and not _launcher():
         raise StartError(
@@ -79,17 +83,20 @@ def ranks_for(case: Case, wanted: int | None) -> int:
     return wanted
 
 
-def _unknowns(case: Case) -> int:
+def _unknowns(case: Case, quiet: bool) -> int:
     """About how many unknowns a case has; 0 where that does not matter, or is told in a better place.
 
     The mesh is made for that, and kept: the ranks find it in the cache.
     """
-    if case.actuator.dimension != 3:
+    device = case.actuator
+    if device.dimension != 3:
         return 0
+    if not quiet and not kept_meshes.known(device):
+        print(f"meshing {type(device).__name__} (solid, 1/{device.copies})", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder, asked_to_stop() as stopped:
         file = Path(folder) / "mesh.msh"
         try:
-            case.actuator.write(file, stopped)
+            device.write(file, stopped)
             return int(PER_NODE * _nodes(file))
         except MeshingStopped:
             raise StartError("stopped by the user while the mesh was made; nothing is solved yet", STOPPED) from None
@@ -128,6 +135,7 @@ def start_again(ranks: int) -> int:
             [str(_launcher()), "-n", str(ranks), sys.executable, *sys.orig_argv[1:]],
             env=environment,
             start_new_session=True,
+            preexec_fn=_end_with_parent,
         )
     except OSError as error:
         raise StartError(f"mpirun does not start ({error.strerror or error}); use --ranks 1", 1) from None
@@ -143,6 +151,12 @@ def start_again(ranks: int) -> int:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _end_with_parent() -> None:
+    """Have this process end when the one that has started it does, even if that is killed; on Linux."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _status(returned: int) -> int:

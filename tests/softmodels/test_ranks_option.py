@@ -119,6 +119,17 @@ def test_ranks_are_stopped_as_one_is(number, runs, tmp_path):
 
 
 @needs_mpirun
+def test_ranks_end_with_a_command_that_is_killed(runs, tmp_path):
+    folder = tmp_path / "disk"
+    process = runs.start(*runs.DISK, "--output", folder, "--pressure-cm", "0:177:0.1", "--quiet", "--ranks", 2)
+    while process.poll() is None and not (folder / "path.csv").exists():
+        time.sleep(0.005)
+    process.kill()
+    process.communicate(timeout=60)  # which waits for the ranks too: they hold its streams
+    assert len(runs.rows(folder)) < 1770
+
+
+@needs_mpirun
 def test_the_bar_is_drawn_on_the_terminal_of_the_command(tmp_path):
     master, slave = pty.openpty()
     words = [sys.executable, "-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures", "--ranks", "2"]
