@@ -69,11 +69,11 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     # MPICH's ranks spin while they wait; with more ranks than cores they would spin in each other's way, ten times slower.
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", str(_looks()))
+    if _started:
+        return _world()
     _import_mpi()
     import petsc4py
 
-    if _started:
-        return _world()
     try:
         # PETSc sets handlers of its own, with which it would end the program where the reader of its log has gone.
         with _nobodys_folder(), handlers_kept():
