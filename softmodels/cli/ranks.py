@@ -20,6 +20,7 @@ from types import FrameType
 import click
 
 from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped, kept_meshes
+from measurement.cores import cores
 from measurement.ending import STOPPED, STOPS, asked_to_stop
 from softmodels.case.case import Case
 from softmodels.mechanics.mpi import TERMINAL, StartError, launched
@@ -49,11 +50,6 @@ class RanksType(click.ParamType):
         if ranks < 1:
             self.fail(f"{value!r} is neither {AUTO} nor a number of ranks, 1 or more", param, ctx)
         return ranks
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:

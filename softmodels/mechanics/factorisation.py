@@ -60,9 +60,8 @@ class Factorisation(Inverse):
         return megabytes * MEGA + entries_here(K) / 2 * TRIPLET
 
     def set_up(self) -> None:
-        if (
-            entries_in_all(self.K) != self._entries
-        ):  # contact has coupled more: PETSc would keep the analysis of the old pattern
+        # Contact may have coupled more: PETSc would keep the analysis of the old pattern.
+        if entries_in_all(self.K) != self._entries:
             self._direct.destroy()
             self._make()
         self._direct.setReusePreconditioner(False)
