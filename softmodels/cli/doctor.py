@@ -39,7 +39,7 @@ def doctor() -> None:
         ("dolfinx", _dolfinx),
         ("petsc", _petsc),
         ("mpi", _mpi),
-        ("mpirun", lambda: _program("mpirun", "mpirun", str(Path(sys.executable).with_name("mpirun")))),
+        ("mpirun", lambda: _program("mpirun", str(Path(sys.executable).with_name("mpirun")), "mpirun")),
         ("compiler", _compiler),
         ("cache", _cache),
         ("solve", _solve),

@@ -14,13 +14,12 @@ from softmodels.design.loads import PRESSURE, VOLUME, Load
 from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import PathEnd
+from softmodels.path.points import PathEnd, predict
 from softmodels.path.quantities import AddedVolume
 
 if TYPE_CHECKING:
     from softmodels.design.bifurcations import Bifurcation, Bifurcations
     from softmodels.design.designed_body import DesignedBody
-    from softmodels.mechanics.solver import Tangent
     from softmodels.mechanics.system import State
 
 MOST_SECANTS = 12
@@ -31,10 +30,16 @@ FIRST_STEP = 1e-3
 """First step of the secant, in shares of the added volume."""
 TIGHT = 1e-10
 """Of the linear solver for the path's direction, which is the null vector that derivatives are taken with."""
-LARGEST_SHARE, QUICK = 0.1, 3
-"""Largest step towards the limit point from a state below it, in shares of the added volume, and up to how many of Newton's
-iterations it may be twice that: a step that is too long passes a bulge that snaps."""
-MOST_STEPS = 40
+FIRST_SHARE, LARGEST_SHARE = 0.15, 0.5
+"""First and largest step towards the limit point from a state below it, in shares of the added volume."""
+QUICK, SLOW, GROWTH = 3, 6, 1.4
+"""Newton's iterations up to which that step grows, from which it shrinks, and by how much it grows at most."""
+REFUSED = 1 / 3
+"""Share of a step that Newton's method did not follow with which it is tried again. The steps after it grow from there: where
+a bulge is about to grow all at once, one that is too long costs as much as four that are not."""
+MOST_NEWTON = 9
+"""Iterations of Newton's method after which a shorter step costs less."""
+MOST_STEPS = 80
 """Steps from that state to the limit point."""
 FARTHEST = 0.5
 """How far the limit point may move from one design to the next, in shares of the added volume; a farther one is looked for
@@ -201,21 +206,25 @@ class WorkingStates:
         Raises:
             NoConvergence: The path could not be followed.
         """
-        here, share = self._on_path(state, state.V), LARGEST_SHARE
+        points, share = [self._on_path(state, state.V)], FIRST_SHARE
         step = share * (state.V - rest)
         for _ in range(MOST_STEPS):
+            here = points[-1]
             try:
-                there = self._on_path(here.state, here.state.V + step, here.tangent)
+                there = self._on_path(here.state, here.state.V + step, points)
             except NoConvergence:
-                step /= 3
+                step *= REFUSED
+                share = abs(step) / (here.state.V - rest)
                 continue
             if there.state.P * self.system.stress_unit >= self.highest:
                 return None, self._solve(Load(PRESSURE, self.highest), there.state, rest)
             rise, added = (there.tangent.P - here.tangent.P) / step, there.state.V - rest
-            here, step = there, -there.tangent.P / rise if rise < 0.0 else np.inf
+            step = -there.tangent.P / rise if rise < 0.0 else np.inf
             if abs(step) < CLOSE * added:
-                return here, None
-            share = min(1.5 * share, 2.0 * LARGEST_SHARE) if there.state.iterations <= QUICK else LARGEST_SHARE
+                return there, None
+            points = [here, there]
+            count = there.state.iterations
+            share = min(share * (GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6), LARGEST_SHARE)
             step = float(np.clip(step, -share * added, share * added))
         raise NoConvergence("the limit point was not found along the path")
 
@@ -254,7 +263,7 @@ class WorkingStates:
         step = -FIRST_STEP * added  # back first: right behind a limit point a bulge may grow all at once
         for _ in range(MOST_SECANTS):
             try:
-                there = self._on_path(here.state, here.state.V + step, here.tangent)
+                there = self._on_path(here.state, here.state.V + step, [here])
             except NoConvergence:
                 step /= 4
                 continue
@@ -270,13 +279,17 @@ class WorkingStates:
                 return here
         raise NoConvergence("the limit point is not near where it was on the last design")
 
-    def _on_path(self, guess: State, V: float, tangent: Tangent | None = None) -> LimitPoint:
-        """The state at a volume, and the path's direction there, for one unit of volume."""
-        w, P = guess.w, guess.P
-        if tangent is not None:
-            w, P = w + (V - guess.V) * tangent.w, P + (V - guess.V) * tangent.P
+    def _on_path(self, guess: State, V: float, known: Sequence[LimitPoint] = ()) -> LimitPoint:
+        """The state at a volume, and the path's direction there, for one unit of volume.
+
+        Args:
+            guess: Where Newton's method begins if nothing is known of the path.
+            V: The volume.
+            known: One or two points near by, from which the state is foretold.
+        """
         line = volume_control(V)
-        state = self.solver.solve(line, w, P)
+        w, P = predict(known, line) if known else (guess.w, guess.P)
+        state = self.solver.solve(line, w, P, most=MOST_NEWTON if known else None)
         self.newton += state.iterations
         try:
             return LimitPoint(state, self.solver.tangent(state, line, TIGHT))

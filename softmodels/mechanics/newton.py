@@ -50,6 +50,7 @@ class Newton:
         self.system, self.bordered, self.kept = system, bordered, kept
         self._first = self._before = math.inf
         self._iterate = np.empty(0)
+        self._most = bordered.inverse.most_newton
         self._since: Array | None = None
         self._anchor: Array | None = None
         self._force: PETSc.Vec | None = None  # whose path from the anchor on is given
@@ -69,20 +70,21 @@ class Newton:
         for thing in (self.snes, self.x, self.f, self._y):
             thing.destroy()
 
-    def solve(self, control: Curve, w: Array, P: float, since: Array | None = None) -> Array:
+    def solve(self, control: Curve, w: Array, P: float, since: Array | None = None, most: int | None = None) -> Array:
         """Solve on a control's curve from a guess; see `Solver.solve`. Returns P and the multipliers.
 
         Raises:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
         self.control, self._since = control, since
+        self._most = most or self.bordered.inverse.most_newton
         self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
         self.snes.solve(None, self.x)
         reason: Any = self.snes.getConvergedReason()  # an int, whatever its stub has
         if reason <= 0:
             self.kept.spoil()
             why = _REASONS.get(reason, f"PETSc's reason {reason}")
-            raise NoConvergence(why.format(most=self.bordered.inverse.most_newton))
+            raise NoConvergence(why.format(most=self._most))
         return self._take_iterate(self.x)
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> Array:
@@ -179,7 +181,7 @@ class Newton:
         settled = iteration >= 2 and residual > 0.5 * self._before and residual <= ROUNDING * tolerance
         if residual <= tolerance or settled:
             return reasons.CONVERGED_FNORM_ABS
-        if iteration >= self.bordered.inverse.most_newton:
+        if iteration >= self._most:
             return reasons.DIVERGED_MAX_IT
         loosest = self._loosest()
         if iteration >= 3 and residual > 1e3 * LOOSEST / loosest * self._first:

@@ -101,7 +101,7 @@ class Solver:
 
     # -- states -------------------------------------------------------------------------------------------------------
 
-    def solve(self, control: Curve, w: Array, P: float, since: Array | None = None) -> State:
+    def solve(self, control: Curve, w: Array, P: float, since: Array | None = None, most: int | None = None) -> State:
         """Find the state on the control's curve, starting from the guess (w, P).
 
         Args:
@@ -110,11 +110,12 @@ class Solver:
             P: Guess of the pressure.
             since: If given, a sheet's stress in Newton's matrix is the foreseen one (`Potential.foresee`), at first that of
                 this state's dofs.
+            most: Iterations of Newton's method before it is given up; the solver's own number if None.
 
         Raises:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
-        return self._state(self.newton.solve(control, w, P, since))
+        return self._state(self.newton.solve(control, w, P, since, most))
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> State:
         """Find the state with ``force . (w - anchor) = amount`` at whatever pressure, starting from the guess (w, P).

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -83,6 +84,16 @@ class Point:
         return self.signature.negative_eigenvalues == int(rate * t.P < 0)
 
 
+class Foretelling(Protocol):
+    """A state of a path and the path's direction there."""
+
+    @property
+    def state(self) -> State: ...
+
+    @property
+    def tangent(self) -> Tangent: ...
+
+
 class PathEnd(Exception):
     """The path cannot go on to what was requested.
 
@@ -102,7 +113,7 @@ class PathEnd(Exception):
         return self.limit is not None or self.cause is not None
 
 
-def predict(points: Sequence[Point], line: Curve) -> tuple[Array, float]:
+def predict(points: Sequence[Foretelling], line: Curve) -> tuple[Array, float]:
     """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
 
     The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from geometries import MeshingStopped
+from geometries import MeshingStopped, kept_meshes
 from softmodels.case.case import Case
 from softmodels.materials.stability import weakness
 from softmodels.mechanics.compiling import CompilingError, cache, compiling, wait_for_cache
@@ -83,7 +83,8 @@ class Simulation:
         """
         device = self.case.actuator
         kind = "solid" if device.dimension == 3 else "axisymmetric section"
-        self.listener.say(f"meshing {type(device).__name__} ({kind}, 1/{device.copies})")
+        what = f"{type(device).__name__} ({kind}, 1/{device.copies})"
+        self.listener.say(f"{what} was meshed before" if kept_meshes.known(device) else f"meshing {what}")
         try:
             on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
