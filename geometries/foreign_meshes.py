@@ -142,15 +142,35 @@ def _physical(found: Any, dimension: int) -> dict[str, int]:
     return {name: int(number) for name, (number, dim) in found.field_data.items() if dim == dimension}
 
 
-def _filled(file: str, found: Any, unit: float, cell_size: float) -> Tetrahedra:
-    """The solid between the surfaces of an STL file, meshed."""
+def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], Ints]:
+    """The closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3).
+
+    Args:
+        file: Its path.
+        unit: Metres in one of its lengths.
+
+    Raises:
+        GeometryError: No such file, no STL, or a surface that is not closed.
+    """
+    if Path(file).suffix.lower() != ".stl":
+        raise GeometryError(f"file is {file!r}; surfaces are read from .stl")
+    return _closed(file, _by_meshio(file, "stl"), unit)
+
+
+def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], Ints]:
     triangles = [np.asarray(block.data, dtype=np.int64) for block in found.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
     points, triangles_of_all = _joined(unit * np.asarray(found.points, dtype=float), np.concatenate(triangles))
     _check_closed(file, points, triangles_of_all)
+    return points, triangles_of_all
+
+
+def _filled(file: str, found: Any, unit: float, cell_size: float) -> Tetrahedra:
+    """The solid between the surfaces of an STL file, meshed."""
+    points, triangles = _closed(file, found, unit)
     try:
-        nodes, cells = apart(_fill, points, triangles_of_all, cell_size)
+        nodes, cells = apart(_fill, points, triangles, cell_size)
     except MeshingError as error:
         raise GeometryError(
             f"the solid between the surfaces of {file} cannot be meshed ({error}); look for surfaces that touch or cross each "

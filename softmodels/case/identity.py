@@ -28,6 +28,8 @@ def identity(case: Case) -> dict[str, str]:
     texts = {name: text for name, text in _texts("", case) if name not in ALIKE}
     for name, path in case.actuator.files.items():
         texts[f"actuator.{name}"] = f"SHA-256 {digest(path)}"
+    for part in case.parts:
+        texts |= {f"{part.where} {name}": f"SHA-256 {digest(path)}" for name, path in part.files.items()}
     return texts
 
 

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
 
 from softmodels.mechanics.contact import SOFTEST, STIFFEST, STIFFNESS
 from softmodels.mechanics.named_places import names_in
 from softmodels.mechanics.parts import EnergyPart, PartError
+
+if TYPE_CHECKING:
+    from geometries import Actuator
+
+Array = npt.NDArray[np.float64]
 
 
 class ContactPart(EnergyPart):
@@ -41,3 +50,20 @@ class ContactPart(EnergyPart):
                 f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {self.softest:g} to "
                 f"{STIFFEST:g} are taken, and {self.usual:g} is usual"
             )
+
+
+def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> Array:
+    """Force on a shape of all copies that it stands in; their mirror images take away what is square to a cut plane.
+
+    Args:
+        actuator: The device.
+        crossed: Normals of the cut planes that the shape crosses.
+        force: Of the slice, shape (3,).
+    """
+    if actuator.dimension == 2:
+        return force * [0.0, 0.0, 1.0]
+    if not crossed:
+        return force  # each copy has a shape of its own
+    along = np.linalg.svd(np.array(crossed))[2][np.linalg.matrix_rank(np.array(crossed)) :]
+    share = actuator.copies if len(crossed) == len(actuator.cut_planes) else 2
+    return np.asarray(share * along.T @ (along @ force))

@@ -124,6 +124,11 @@ class Part(abc.ABC):
         return "whose gradients are not known"
 
     @property
+    def files(self) -> Mapping[str, str]:
+        """Files that its fields name, by the field: their contents decide what it is."""
+        return {}
+
+    @property
     def looked_up(self) -> tuple[object, ...]:
         """Functions and classes that its fields name, such as a law of fibres: they may come from a file of one's own."""
         return ()

@@ -1,15 +1,15 @@
 """Rigid shapes that faces of the device come to rest on: a sphere, a cylinder, a capsule, from outside or from within.
 
-All three are the places nearer than a radius to a part of a line: a point, an endless line, a piece of one. With the signed
-distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact, phi(max(-g, 0)); see
-`softmodels.mechanics.contact`. It is conservative and without friction.
+One from an STL file is in `softmodels.mechanics.stl_shapes`. The others are the places nearer than a radius to a part of a
+line: a point, an endless line, a piece of one. With the signed distance g of a deformed place x to the shape, the energy per
+undeformed area is that of a plane's contact, phi(max(-g, 0)); see `softmodels.mechanics.contact`. It is without friction.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -17,19 +17,21 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.fields import choice_field, field_of, length_field, list_field
+from geometries.imported_mesh import UNITS
 from geometries.kinds import Flag, Length, Quantity, Several, Words
 from softmodels.mechanics.contact import NEAR, ONSET_PRESSURE, STIFFNESS, penalty
-from softmodels.mechanics.contact_part import ContactPart
+from softmodels.mechanics.contact_part import ContactPart, force_of_all
 from softmodels.mechanics.face_nodes import FaceNodes, check_mesh_faces
 from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import Equations, PartError, Setting, Term, register_part
+from softmodels.mechanics.stl_shapes import FileShapeTerm, check_file_on
 
 if TYPE_CHECKING:
     from dolfinx import fem
 
 Array = npt.NDArray[np.float64]
 
-SHAPES = ("sphere", "cylinder", "capsule")
+SHAPES = ("sphere", "cylinder", "capsule", "stl")
 ENDLESS = 1e3
 """Half length of a cylinder in sizes of the device."""
 SPECK = 1e-20
@@ -54,25 +56,34 @@ class RigidShape(ContactPart):
     Attributes:
         shape: One of `SHAPES`.
         faces: Roles of the facets that it stops, such as ``"outer"`` or ``"top, outer"``; others pass through it.
-        at: A point in m: the middle of a sphere or capsule, a point on a cylinder's axis.
+        at: A point in m: the middle of a sphere or capsule, a point on a cylinder's axis, where the origin of an STL file goes.
         radius: Radius in m.
         along: Direction of a cylinder's or capsule's axis.
         length: Distance in m between the middles of a capsule's two ends.
         hollow: Whether the device lies within the shape, as in a tube.
+        file, unit: An STL file, and the unit of its lengths.
+        rounding: Length in m over which an STL file's edges are rounded; 0 for 0.4 of a stopped facet's.
         stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
     """
 
     shape: str = choice_field(
-        "sphere", SHAPES, "a sphere, a cylinder without ends, or a capsule: a cylinder with round ends"
+        "sphere", SHAPES, "a sphere, a cylinder without ends, a capsule (a cylinder with round ends), or an STL file"
     )
     faces: str = field_of(Words(), "faces that it stops, such as outer or 'top, outer'", "")
     at: tuple[float, ...] = field_of(
-        Several(Length(zero=True, signed=True)), "middle of a sphere or capsule, or a point on a cylinder's axis", ()
+        Several(Length(zero=True, signed=True)),
+        "middle of a sphere or capsule, a point on a cylinder's axis, or where an STL file's origin goes",
+        (),
     )
     radius: float = length_field(0.0, "radius of the shape", zero=True)
     along: tuple[float, ...] = list_field((0.0, 1.0, 0.0), "direction of a cylinder's or capsule's axis", numbers=True)
     length: float = length_field(0.0, "distance between the middles of a capsule's round ends", zero=True)
     hollow: bool = field_of(Flag(), "the device lies within the shape, as in a tube", False)
+    file: str = field_of(Words(), "STL file of the shape's closed surface", "")
+    unit: str = choice_field("mm", tuple(UNITS), "unit of the STL file's lengths, which such files do not tell")
+    rounding: float = length_field(
+        0.0, "length over which an STL file's edges are rounded; 0 for 0.4 of a facet's edge", zero=True
+    )
     stiffness: float = field_of(
         Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
     )
@@ -91,6 +102,12 @@ class RigidShape(ContactPart):
             raise PartError(f"{self.where} needs the faces that are stopped (faces = 'outer')")
         if len(self.at) != 3:
             raise PartError(f"{self.where}: a place has three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
+        self.check_stiffness()
+        if self.shape == "stl":
+            self._check_file()
+            return
+        if self.file or self.rounding:
+            raise PartError(f"{self.where}: a {self.shape} has no file and no rounding; shape = 'stl' has")
         if self.radius <= 0.0:
             raise PartError(f"{self.where}: a {self.shape} needs a radius above zero (radius = '5 mm')")
         if len(self.along) != 3 or not any(self.along):
@@ -99,7 +116,18 @@ class RigidShape(ContactPart):
             )
         if (self.length > 0.0) != (self.shape == "capsule"):
             raise PartError(f"{self.where}: a capsule has a length above zero, and no other shape has one")
-        self.check_stiffness()
+
+    def _check_file(self) -> None:
+        if not self.file:
+            raise PartError(f"{self.where}: a shape from an STL file needs that file (file = 'hand.stl')")
+        if self.radius or self.length:
+            raise PartError(
+                f"{self.where}: the size of an STL file's shape is that of the file; leave out radius and length"
+            )
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        return {"file": self.file} if self.file else {}
 
     @property
     def direction(self) -> Array:
@@ -107,7 +135,8 @@ class RigidShape(ContactPart):
 
     @property
     def in_model(self) -> str:
-        return f"; the rigid {self.shape} {self.name} stops {self.faces} alone, without friction"
+        kind = f"shape of {self.file}," if self.file else self.shape
+        return f"; the rigid {kind} {self.name} stops {self.faces} alone, without friction"
 
     def half(self, size: float) -> float:
         """Half the length of the line in its middle, in sizes of the device."""
@@ -119,6 +148,9 @@ class RigidShape(ContactPart):
 
     def check_on(self, actuator: Actuator) -> None:
         check_on_mesh(self.where, actuator, self.roles)
+        if self.file:
+            check_file_on(self, actuator)
+            return
         at, along = np.asarray(self.at), self.direction
         if actuator.dimension == 2:
             if np.abs(at[:2]).max() > 0.0 or (self.shape != "sphere" and abs(along[2]) < 1 - 1e-12):
@@ -169,8 +201,10 @@ class RigidShape(ContactPart):
         depth = figure(f"{self.label}_depth_mm")
         return self.try_other(f"faces press on {self.where} and have sunk {depth:.3g} mm into it") if depth else ""
 
-    def term(self, setting: Setting) -> ShapeTerm:
+    def term(self, setting: Setting) -> Term:
         check_mesh_faces(setting.body, self.roles, self.where)
+        if self.file:
+            return FileShapeTerm(self, setting)
         term = ShapeTerm(self, setting)
         term.check_rest()
         return term
@@ -255,17 +289,9 @@ class ShapeTerm(Term):
         return found | {f"{label}_depth_mm": max(depth, 0.0) * equations.length_unit * 1e3}
 
     def _of_all_copies(self, force: Array) -> Array:
-        """Force on the shape of all copies that it stands in; their mirror images take away what is square to a cut plane."""
         actuator, shape = self.body.actuator, self.shape
-        if actuator.dimension == 2:
-            return force * [0.0, 0.0, 1.0]
         normals = [np.asarray(plane.normal) for plane in actuator.cut_planes]
-        crossed = [normal for normal in normals if abs(np.asarray(shape.at) @ normal) < shape.radius]
-        if not crossed:
-            return force  # each copy has a shape of its own
-        along = np.linalg.svd(np.array(crossed))[2][np.linalg.matrix_rank(np.array(crossed)) :]
-        share = actuator.copies if len(crossed) == len(normals) else 2
-        return np.asarray(share * along.T @ (along @ force))
+        return force_of_all(actuator, [n for n in normals if abs(np.asarray(shape.at) @ n) < shape.radius], force)
 
     def admits(self, before: Array, after: Array) -> bool:
         start, end = self.nodes.moved(before), self.nodes.moved(after)

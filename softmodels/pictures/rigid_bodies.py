@@ -8,6 +8,7 @@ import numpy as np
 
 from softmodels.case.case import Case
 from softmodels.mechanics.rigid_shapes import RigidShape
+from softmodels.mechanics.stl_shapes import surface_of
 from softmodels.pictures.offscreen import Layer, Style, surface
 from softmodels.pictures.style import WARNING
 from softmodels.results.triangles import Array, Cells
@@ -36,6 +37,9 @@ def profile(shape: RigidShape, reach: float) -> Array:
 
 def shape_surface(shape: RigidShape, reach: float) -> tuple[Array, Cells]:
     """Points in m, shape (n, 3), and triangles of a shape."""
+    if shape.file:
+        points, triangles = surface_of(shape)
+        return points, triangles
     axis = shape.direction
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)

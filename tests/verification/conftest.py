@@ -556,3 +556,12 @@ def shooting():
     module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def stl_files():
+    """Closed surfaces as STL files: see ``stl_files.py``."""
+    spec = importlib.util.spec_from_file_location("stl_files", Path(__file__).with_name("stl_files.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

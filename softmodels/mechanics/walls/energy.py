@@ -116,7 +116,7 @@ class Pressed:
             pressed = np.unique(self.near.j)
             bent = self.surface.area_curvatures(self._by_samples()[1][pressed], pressed)
             dofs = self._dofs(facets[pressed])
-            found = found + _scattered(bent.reshape(len(pressed), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
+            found = found + scattered(bent.reshape(len(pressed), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
         return scipy.sparse.csr_array((found + found.T) / 2)
 
     def _dofs(self, nodes: Numbers) -> Numbers:
@@ -163,16 +163,16 @@ class Pressed:
                 Z.transpose(0, 2, 1) @ pair_curvatures(part, first) @ Z, chosen - chosen[0], axis=0
             )
             at = dofs[chunk : chunk + FACET_PAIRS]
-            K = K + _scattered(blocks, at, at, n * d, n * d)
+            K = K + scattered(blocks, at, at, n * d, n * d)
             rows = (1 + d) * number[part.i][:, None] + np.arange(1 + d)
             columns = np.repeat(at, np.diff(chosen, append=end), axis=0)
-            U = U + _scattered(sum_rates(part) @ Z, rows, columns, size, n * d)
+            U = U + scattered(sum_rates(part) @ Z, rows, columns, size, n * d)
         own = (1 + d) * np.arange(len(touching))[:, None] + np.arange(1 + d)
-        C = _scattered(self.points.second[touching], own, own, size, size)
+        C = scattered(self.points.second[touching], own, own, size, size)
         return scipy.sparse.csr_array(K + U.T @ C @ U)
 
 
-def _scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> scipy.sparse.csr_array:
+def scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> scipy.sparse.csr_array:
     """Sum of small dense blocks, shape (p, a, b), in a sparse matrix; ``rows`` (p, a) and ``columns`` (p, b) are theirs."""
     import scipy
 
