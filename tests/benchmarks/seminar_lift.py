@@ -14,7 +14,8 @@ the default slab's rise is 29.0 mm), limit margins of 1.344, 1.337, 1.319 and 1.
 of 3.62 to 3.68. They took 831, 888, 779 and 896 s, 3,393 s in all with 258 Newton iterations; central differences would
 have taken 32 paths of some 830 s, 26,600 s. Most of a design's time goes where a channel bulges all at once, in steps that
 Newton's method passes with trouble. The best that keeps all limits, 29.03 mm, was then solved on a fresh mesh with cells a
-fifth smaller, limit point included, in half an hour.
+fifth smaller, limit point included, in half an hour. It rises 29.56 mm
+there, with a largest stretch of 3.40.
 """
 
 from __future__ import annotations
