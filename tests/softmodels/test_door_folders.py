@@ -129,8 +129,12 @@ def test_a_branch_is_a_run_of_its_own(twin, tmp_path):
 
 def test_a_branch_is_followed_into_the_folder(twin, tmp_path):
     run = sm.inflate(TWIN, TWIN_LAW, volumes="0:90:30 ml", branch=True, folder=tmp_path / "disk")
-    assert run.rows == twin.rows and run.branch.rows == twin.branch.rows
-    saved = twin.save(tmp_path / "saved")
+    for one, other in zip(map(dict, [*run.rows, *run.branch.rows]), [*twin.rows, *twin.branch.rows], strict=True):
+        # To rounding, and not to the last bit: a bifurcation lies where a tangent is singular, and not every processor
+        # gives its place twice with the same digits.
+        assert one.pop("following") == other["following"]
+        assert one == pytest.approx({name: other[name] for name in one}, rel=1e-7, abs=1e-7)
+    saved = run.save(tmp_path / "saved")
     for place in (".", "branch"):
         assert texts(tmp_path / "disk" / place) == texts(saved / place)
     assert sm.inflate(TWIN, TWIN_LAW, volumes="5 ml", branch=True).branch is None
