@@ -11,7 +11,7 @@ import numpy.typing as npt
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import total
-from softmodels.mechanics.petsc_matrices import assembled_matrix
+from softmodels.mechanics.petsc_matrices import assembled_matrix, held_dofs
 
 if TYPE_CHECKING:
     import ufl
@@ -126,9 +126,7 @@ class Extension:
     def _solve(self, force: Array) -> Array:
         """The inner nodes' answer to a force, zero at conditions; owned entries."""
         force = force.copy()
-        for bc in self.bcs:
-            dofs, owned = bc.dof_indices()
-            force[dofs[:owned]] = 0.0
+        force[held_dofs(self.bcs)] = 0.0
         self._b.array_w[:] = force
         self._pc.apply(self._b, self._x)
         return np.array(self._x.array_r)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from softmodels.mechanics.face_nodes import FaceNodes
 from softmodels.mechanics.parts import Term
+from softmodels.mechanics.petsc_matrices import held_dofs
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -75,6 +76,10 @@ class AssembledTerm(Term):
     def coupled(self) -> scipy.sparse.csr_array:
         """Nodes that are coupled, or soon may be: true where they are, shape (n, n), symmetric."""
 
+    def harder_here(self) -> Array | None:
+        """Derivative of the forces as all that is in newtons grows in proportion, by its share, shape (n, d); None for none."""
+        return None
+
     # -- what the system calls -----------------------------------------------------------------------------------------
 
     def _take(self, w: Array) -> None:
@@ -90,9 +95,7 @@ class AssembledTerm(Term):
         """Whether a dof of the nodes is not held, shape (n, d)."""
         if not hasattr(self, "_not_held"):
             held = np.zeros(self.nodes.owned[1] - self.nodes.owned[0])
-            for bc in self.bcs:
-                dofs, owned = bc.dof_indices()
-                held[dofs[:owned]] = 1.0
+            held[held_dofs(self.bcs)] = 1.0
             self._not_held = self.nodes.values(held) == 0.0
         return self._not_held
 
@@ -108,6 +111,13 @@ class AssembledTerm(Term):
         if not held:
             forces = forces * self._free
         b[self.nodes.local] += forces[self.nodes.mine]
+
+    def add_harder(self, w: Array, b: Array) -> None:
+        """Add `harder_here` of a state to owned entries ``b``."""
+        self._take(w)
+        rates = self.harder_here()
+        if rates is not None:
+            b[self.nodes.local] += (rates @ self.nodes.skew * self._free)[self.nodes.mine]
 
     def matrix(self, w: Array) -> scipy.sparse.csr_array:
         """Second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d)."""
@@ -190,6 +200,12 @@ class AssembledTerms:
         """See `AssembledTerm.add_forces`; returns ``b``."""
         for term in self._terms:
             term.add_forces(w, b, held)
+        return b
+
+    def add_harder(self, w: Array, b: Array) -> Array:
+        """See `AssembledTerm.add_harder`; returns ``b``."""
+        for term in self._terms:
+            term.add_harder(w, b)
         return b
 
     def add_product(self, w: Array, x: Array, y: Array) -> Array:

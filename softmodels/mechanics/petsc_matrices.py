@@ -9,9 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+import numpy.typing as npt
+
 if TYPE_CHECKING:
     from dolfinx import fem
     from petsc4py import PETSc
+
+
+def held_dofs(bcs: Sequence[fem.DirichletBC]) -> npt.NDArray[np.int32]:
+    """Owned dofs that conditions hold, local numbers."""
+    own = [dofs[:owned] for dofs, owned in (bc.dof_indices() for bc in bcs)]
+    return np.concatenate([np.empty(0, dtype=np.int32), *own])
 
 
 def create_matrix(form: fem.Form) -> PETSc.Mat:
