@@ -44,6 +44,13 @@ def known(actuator: Actuator) -> bool:
     return False
 
 
+def told(actuator: Actuator) -> str:
+    """What is reported where a device is about to be meshed."""
+    kind = "solid" if actuator.dimension == 3 else "axisymmetric section"
+    what = f"{type(actuator).__name__} ({kind}, 1/{actuator.copies})"
+    return f"{what} was meshed before" if known(actuator) else f"meshing {what}"
+
+
 def keep(actuator: Actuator, path: Path) -> None:
     """Keep the mesh in a file as a device's."""
     with contextlib.suppress(OSError, RuntimeError):

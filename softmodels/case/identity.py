@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from softmodels.case.case import Case
+from softmodels.mechanics.parts import Part
 
 ALIKE = ("solver",)
 """Fields of a case that decide how its numbers are found, and not which."""
@@ -28,8 +29,6 @@ def identity(case: Case) -> dict[str, str]:
     texts = {name: text for name, text in _texts("", case) if name not in ALIKE}
     for name, path in case.actuator.files.items():
         texts[f"actuator.{name}"] = f"SHA-256 {digest(path)}"
-    for part in case.parts:
-        texts |= {f"{part.where} {name}": f"SHA-256 {digest(path)}" for name, path in part.files.items()}
     return texts
 
 
@@ -63,4 +62,8 @@ def _text(value: object) -> str:
         return f"({', '.join(map(_text, value))})"
     if isinstance(value, int | float) and not isinstance(value, bool):
         return repr(float(value))  # 10 and 10.0 are one number
-    return repr(value)
+    text = repr(value)
+    if isinstance(value, Part):
+        for path in value.files.values():
+            text = text.replace(repr(path), f"SHA-256 {digest(path)}")
+    return text

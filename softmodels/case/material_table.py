@@ -112,7 +112,10 @@ def from_table(table: Mapping[str, object]) -> Material:
                 f"silicone {silicone!r} is unknown; known are {known}, and their sources (softmodels silicones)"
             )
         return from_table({**to_table(found.material), **values})
-    name = values.pop("law", None)
+    if "law" not in values:
+        known = f"a law (law = one of {', '.join(LAWS)})"
+        raise MaterialError(f"the material names neither a silicone (silicone = '{next(iter(PRODUCTS))}') nor {known}")
+    name = values.pop("law")
     if not isinstance(name, str) or name not in LAWS:
         raise MaterialError(f"law {name!r} is unknown; known are {', '.join(LAWS)}")
     law = LAWS[name]

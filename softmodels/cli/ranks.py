@@ -88,7 +88,7 @@ def _unknowns(case: Case, quiet: bool) -> int:
     if device.dimension != 3:
         return 0
     if not quiet and not kept_meshes.known(device):
-        print(f"meshing {type(device).__name__} (solid, 1/{device.copies})", file=sys.stderr, flush=True)
+        print(kept_meshes.told(device), file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder, asked_to_stop() as stopped:
         file = Path(folder) / "mesh.msh"
         try:

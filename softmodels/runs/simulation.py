@@ -82,9 +82,7 @@ class Simulation:
             GeometryError, MeshingError, OSError: See `Actuator.write`.
         """
         device = self.case.actuator
-        kind = "solid" if device.dimension == 3 else "axisymmetric section"
-        what = f"{type(device).__name__} ({kind}, 1/{device.copies})"
-        self.listener.say(f"{what} was meshed before" if kept_meshes.known(device) else f"meshing {what}")
+        self.listener.say(kept_meshes.told(device))
         try:
             on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
