@@ -13,7 +13,7 @@ from softmodels.design.known_states import Known, LimitPoint
 from softmodels.design.loads import PRESSURE, VOLUME, Load
 from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.continuation import Continuation, trace
+from softmodels.path.continuation import QUICK, SLOW, Continuation, trace
 from softmodels.path.points import PathEnd, predict
 from softmodels.path.quantities import AddedVolume
 
@@ -32,8 +32,8 @@ TIGHT = 1e-10
 """Of the linear solver for the path's direction, which is the null vector that derivatives are taken with."""
 FIRST_SHARE, LARGEST_SHARE = 0.15, 0.5
 """First and largest step towards the limit point from a state below it, in shares of the added volume."""
-QUICK, SLOW, GROWTH = 3, 6, 1.4
-"""Newton's iterations up to which that step grows, from which it shrinks, and by how much it grows at most."""
+GROWTH = 1.4
+"""By how much it grows where Newton's method is quick; it shrinks where that is slow."""
 REFUSED = 1 / 3
 """Share of a step that Newton's method did not follow with which it is tried again. The steps after it grow from there: where
 a bulge is about to grow all at once, one that is too long costs as much as four that are not."""

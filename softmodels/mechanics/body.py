@@ -26,6 +26,7 @@ from geometries.openings import Opening, cavity_roles, find_openings
 from measurement.wording import Spoken
 from softmodels.mechanics.compiling import compiling, mend_cache
 from softmodels.mechanics.mpi import is_root, on_root
+from softmodels.mechanics.section_axes import in_section
 
 if TYPE_CHECKING:
     import ufl
@@ -278,12 +279,6 @@ class Body:
 
 def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
     return np.array([CAVITY, *range(SHEET + 1, SHEET + count)][:count], dtype=np.int32)
-
-
-def in_section(direction: npt.ArrayLike, dimension: int) -> npt.NDArray[np.float64]:
-    """A direction of device coordinates in those of the mesh."""
-    d = np.asarray(direction, dtype=float)
-    return d if dimension == 3 else d[[0, 2]]
 
 
 def _skew(actuator: Actuator, holds: Sequence[Hold]) -> npt.NDArray[np.float64]:

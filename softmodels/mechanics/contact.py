@@ -27,10 +27,11 @@ from geometries.fields import field_of
 from geometries.kinds import Quantity, Words
 from geometries.selections import faces as plane_faces
 from measurement.wording import Spoken
-from softmodels.mechanics.body import Body, in_section
+from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.named_places import check_on_mesh, names_in
 from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.section_axes import in_section
 
 if TYPE_CHECKING:
     from dolfinx import fem

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from softmodels.mechanics.contact import SOFTEST, STIFFEST, STIFFNESS
 from softmodels.mechanics.named_places import names_in
 from softmodels.mechanics.parts import EnergyPart, PartError
+from softmodels.mechanics.section_axes import in_space
 
 if TYPE_CHECKING:
     from geometries import Actuator
@@ -52,6 +53,33 @@ class ContactPart(EnergyPart):
             )
 
 
+class StoppingShape(Protocol):
+    """What all rigid shapes have; see `softmodels.mechanics.rigid_shapes.RigidShape`."""
+
+    @property
+    def where(self) -> str: ...
+    @property
+    def label(self) -> str: ...
+    @property
+    def roles(self) -> list[str]: ...
+    @property
+    def hollow(self) -> bool: ...
+    @property
+    def stiffness(self) -> float: ...
+
+
+def copies_around(actuator: Actuator, crossed: Sequence[Array]) -> int:
+    """How many copies of the slice a shape stands in.
+
+    Args:
+        actuator: The device.
+        crossed: Normals of the cut planes that the shape crosses; where it crosses none, each copy has a shape of its own.
+    """
+    if actuator.dimension == 2 or not crossed:
+        return 1
+    return actuator.copies if len(crossed) == len(actuator.cut_planes) else 2
+
+
 def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> Array:
     """Force on a shape of all copies that it stands in; their mirror images take away what is square to a cut plane.
 
@@ -63,7 +91,24 @@ def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> 
     if actuator.dimension == 2:
         return force * [0.0, 0.0, 1.0]
     if not crossed:
-        return force  # each copy has a shape of its own
+        return force
     along = np.linalg.svd(np.array(crossed))[2][np.linalg.matrix_rank(np.array(crossed)) :]
-    share = actuator.copies if len(crossed) == len(actuator.cut_planes) else 2
-    return np.asarray(share * along.T @ (along @ force))
+    return np.asarray(copies_around(actuator, crossed) * along.T @ (along @ force))
+
+
+def shape_figures(
+    label: str, actuator: Actuator, crossed: Sequence[Array], force: Array, depth: float
+) -> dict[str, float]:
+    """Columns of ``path.csv`` of a rigid shape.
+
+    Args:
+        label: Of the shape.
+        actuator, crossed: See `force_of_all`.
+        force: Of the slice on the shape in N, in the mesh's coordinates, shape (d,).
+        depth: How deep faces have sunk into it, in m; below zero where none has.
+    """
+    total = force_of_all(actuator, crossed, in_space(force))
+    found = {f"{label}_force_{axis}_N": float(value) for axis, value in zip("xyz", total, strict=True)}
+    if actuator.dimension == 2:
+        found = {name: value for name, value in found.items() if "_z_" in name}
+    return found | {f"{label}_depth_mm": max(depth, 0.0) * 1e3}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.body import in_section
+from softmodels.mechanics.section_axes import in_section
 from softmodels.mechanics.system import System
 
 

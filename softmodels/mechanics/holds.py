@@ -17,11 +17,12 @@ from geometries import Actuator, Hold
 from geometries.actuator import Vector
 from geometries.fields import field_of
 from geometries.kinds import Words
-from softmodels.mechanics.body import Body, in_section
+from softmodels.mechanics.body import Body
 from softmodels.mechanics.loads import direction
 from softmodels.mechanics.named_places import names_in
 from softmodels.mechanics.parts import INSIDE, Part, PartError, register_part
 from softmodels.mechanics.regions import RegionPart
+from softmodels.mechanics.section_axes import in_section
 
 if TYPE_CHECKING:
     from dolfinx import fem

@@ -16,11 +16,12 @@ from geometries.actuator import Vector
 from geometries.fields import field_of
 from geometries.kinds import Open, Quantity, Words
 from softmodels.materials.casting import density_of
-from softmodels.mechanics.body import BodyError, in_section
+from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.dead_loads import LOADS_ENERGY, HeavyPart, LoadPart, Spread, Weighed, check_finite, mean_place
 from softmodels.mechanics.load_directions import ALONG, check_direction, direction
 from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import Part, PartError, register_part
+from softmodels.mechanics.section_axes import in_section
 
 STANDARD_GRAVITY = 9.81
 HEAVIEST = 25e3

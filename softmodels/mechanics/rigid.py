@@ -17,11 +17,11 @@ import numpy.typing as npt
 from geometries import Actuator
 from geometries.fields import field_of
 from geometries.kinds import Choice, Quantity, Several, Words
-from softmodels.mechanics.body import in_section
 from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed, check_finite
 from softmodels.mechanics.named_places import check_regions
 from softmodels.mechanics.parts import INSIDE, PartError, register_part
 from softmodels.mechanics.rigid_motion import Freedom
+from softmodels.mechanics.section_axes import in_section, in_space
 
 Array = npt.NDArray[np.float64]
 
@@ -191,5 +191,4 @@ def _shown(direction: Array) -> str:
 def _allowed(directions: Array) -> str:
     if not len(directions):
         return "no translation"
-    whole = [v if len(v) == 3 else np.array([v[0], 0.0, v[1]]) for v in directions]
-    return "translations along " + " and ".join(_shown(v) for v in whole)
+    return "translations along " + " and ".join(_shown(v) for v in in_space(directions))

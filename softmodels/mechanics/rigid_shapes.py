@@ -1,16 +1,15 @@
 """Rigid shapes that faces of the device come to rest on: a sphere, a cylinder, a capsule, from outside or from within.
 
-One from an STL file is in `softmodels.mechanics.stl_shapes`. The others are the places nearer than a radius to a part of a
-line: a point, an endless line, a piece of one. With the signed distance g of a deformed place x to the shape, the energy per
-undeformed area is that of a plane's contact, phi(max(-g, 0)); see `softmodels.mechanics.contact`. It is without friction.
+One from an STL file is in `softmodels.mechanics.stl_shapes`, the distance from others in `softmodels.mechanics.round_shapes`.
+With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
+phi(max(-g, 0)); see `softmodels.mechanics.contact`. It is without friction. A shape stands still, or gives way along a line.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,33 +18,24 @@ from geometries import Actuator
 from geometries.fields import choice_field, field_of, length_field, list_field
 from geometries.imported_mesh import UNITS
 from geometries.kinds import Flag, Length, Quantity, Several, Words
-from softmodels.mechanics.contact import NEAR, ONSET_PRESSURE, STIFFNESS, penalty
-from softmodels.mechanics.contact_part import ContactPart, force_of_all
-from softmodels.mechanics.face_nodes import FaceNodes, check_mesh_faces
+from softmodels.mechanics.contact import STIFFNESS
+from softmodels.mechanics.contact_part import ContactPart
+from softmodels.mechanics.face_nodes import check_mesh_faces
+from softmodels.mechanics.guided_shapes import GuidedShapeTerm, check_guide, check_guide_on
+from softmodels.mechanics.load_directions import direction
 from softmodels.mechanics.named_places import check_on_mesh
-from softmodels.mechanics.parts import Equations, PartError, Setting, Term, register_part
-from softmodels.mechanics.stl_shapes import FileShapeTerm, check_file_on
-
-if TYPE_CHECKING:
-    from dolfinx import fem
+from softmodels.mechanics.parts import PartError, Setting, Term, register_part
+from softmodels.mechanics.round_shapes import Numbers
+from softmodels.mechanics.shape_terms import SampledShapeTerm, ShapeTerm
+from softmodels.mechanics.stl_shapes import FileShapeTerm, check_file_on, crossed_by_file
 
 Array = npt.NDArray[np.float64]
 
 SHAPES = ("sphere", "cylinder", "capsule", "stl")
 ENDLESS = 1e3
 """Half length of a cylinder in sizes of the device."""
-SPECK = 1e-20
-"""Added to squared distances, in squared sizes: the distance from a line has no slope on the line itself."""
 DEEPEST = 0.05
 """Depth in sizes of the device at which a state is refused: the device would have passed over the shape."""
-WAY = 8
-"""Places on the straight way of a node from state to state at which its depth is looked at."""
-AXES = "xyz"
-HARDENS = 0.25
-"""Share of the depth at which a state is refused from which the shape grows harder. The energy is of the undeformed area, which
-a wrapped membrane stretches to ten or twenty times itself, so that it would sink in ten or twenty times as deep."""
-HARDER = 16.0
-"""How steeply: at the refused depth the contact is 1 + HARDER (1 - HARDENS)^2 / (2 HARDENS), some 19, times as hard."""
 
 
 @register_part
@@ -64,6 +54,9 @@ class RigidShape(ContactPart):
         file, unit: An STL file, and the unit of its lengths.
         rounding: Length in m over which an STL file's edges are rounded; 0 for 0.4 of a stopped facet's.
         stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
+        guide: Direction along which it gives way, as `softmodels.mechanics.load_directions.direction` reads it; empty for none.
+        spring: Stiffness in N/m of a spring that holds it there.
+        mass: In kg; its weight pulls against the guide, and a stand holds it where it is until it is lifted.
     """
 
     shape: str = choice_field(
@@ -87,12 +80,22 @@ class RigidShape(ContactPart):
     stiffness: float = field_of(
         Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
     )
+    guide: str = field_of(
+        Words(), "direction along which the shape gives way, such as z; it stands still if left out", ""
+    )
+    spring: float = field_of(Quantity("N/m"), "spring that holds a shape with a guide", 0.0)
+    mass: float = field_of(
+        Quantity("kg"),
+        "mass of a shape with a guide: it lies on a stand until it is lifted, its weight against the guide",
+        0.0,
+    )
 
     table: ClassVar[str] = "contact"
     always_named: ClassVar[bool] = True
     figure_texts: ClassVar = {
         r"(\w+)_force_([xyz])_N": ("force on {0}", "of the device on that rigid shape, along the named axis"),
         r"(\w+)_depth_mm": ("depth in {0}", "how deep the stopped faces have sunk into it"),
+        r"(\w+)_way_mm": ("way of {0}", "how far that rigid shape has given way along its guide"),
     }
 
     def check(self) -> None:
@@ -103,6 +106,7 @@ class RigidShape(ContactPart):
         if len(self.at) != 3:
             raise PartError(f"{self.where}: a place has three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
         self.check_stiffness()
+        check_guide(self)
         if self.shape == "stl":
             self._check_file()
             return
@@ -134,9 +138,15 @@ class RigidShape(ContactPart):
         return np.asarray(self.along) / np.linalg.norm(self.along)
 
     @property
+    def gives_way(self) -> Array:
+        """Unit vector of its guide."""
+        return np.asarray(direction(self.guide, self.where))
+
+    @property
     def in_model(self) -> str:
         kind = f"shape of {self.file}," if self.file else self.shape
-        return f"; the rigid {kind} {self.name} stops {self.faces} alone, without friction"
+        gives = f" and gives way along {self.guide} alone, without turning" if self.guide else ""
+        return f"; the rigid {kind} {self.name} stops {self.faces} alone, without friction{gives}"
 
     def half(self, size: float) -> float:
         """Half the length of the line in its middle, in sizes of the device."""
@@ -146,11 +156,23 @@ class RigidShape(ContactPart):
         """Depth in sizes of the device at which a state is refused."""
         return DEEPEST if self.hollow else min(DEEPEST, 0.5 * self.radius / size)
 
+    def crossed(self, actuator: Actuator) -> list[Array]:
+        """Normals of the cut planes that it crosses."""
+        if self.file:
+            return crossed_by_file(self, actuator)
+        normals = [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
+        return [normal for normal in normals if abs(np.asarray(self.at) @ normal) < self.radius]
+
     def check_on(self, actuator: Actuator) -> None:
         check_on_mesh(self.where, actuator, self.roles)
         if self.file:
             check_file_on(self, actuator)
-            return
+        else:
+            self._check_round_on(actuator)
+        if self.guide:
+            check_guide_on(self, actuator, self.crossed(actuator))
+
+    def _check_round_on(self, actuator: Actuator) -> None:
         at, along = np.asarray(self.at), self.direction
         if actuator.dimension == 2:
             if np.abs(at[:2]).max() > 0.0 or (self.shape != "sphere" and abs(along[2]) < 1 - 1e-12):
@@ -172,22 +194,7 @@ class RigidShape(ContactPart):
                     f"put its middle on that plane, or model the whole device"
                 )
 
-    @staticmethod
-    def distance(x: Sequence[Array], numbers: tuple[Array, Array, float, float, float]) -> Array:
-        """Signed distance of a place in sizes, from components of NumPy or of UFL alike; below zero where it is stopped.
-
-        Args:
-            x: Three components in sizes.
-            numbers: As `numbers` gives them, or UFL constants in their place.
-        """
-        at, along, radius, half, sign = numbers
-        v = [x[i] - at[i] for i in range(3)]
-        t = v[0] * along[0] + v[1] * along[1] + v[2] * along[2]
-        t = (abs(t + half) - abs(t - half)) / 2  # no further than its ends
-        v = [v[i] - t * along[i] for i in range(3)]
-        return sign * ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + SPECK) ** 0.5 - radius)
-
-    def numbers(self, size: float) -> tuple[Array, Array, float, float, float]:
+    def numbers(self, size: float) -> Numbers:
         """Place, direction, radius, half length and side, in sizes of the device."""
         return (
             np.asarray(self.at) / size,
@@ -203,98 +210,7 @@ class RigidShape(ContactPart):
 
     def term(self, setting: Setting) -> Term:
         check_mesh_faces(setting.body, self.roles, self.where)
-        if self.file:
-            return FileShapeTerm(self, setting)
-        term = ShapeTerm(self, setting)
-        term.check_rest()
-        return term
-
-
-class ShapeTerm(Term):
-    """The energy of a rigid shape's contact, with the force on it.
-
-    Args:
-        shape: The shape.
-        setting: The potential.
-    """
-
-    def __init__(self, shape: RigidShape, setting: Setting):
-        super().__init__([])
-        import ufl
-        from dolfinx import fem
-
-        self.shape, self.body = shape, setting.body
-        body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
-        self.numbers = shape.numbers(size)
-        self._constants = constants = tuple(fem.Constant(mesh, value) for value in self.numbers)
-        onset, soft = ONSET_PRESSURE / shape.stiffness, HARDENS * shape.deepest(size)
-        stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
-        place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
-        components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
-        depth = ufl.max_value(-shape.distance(components, constants), 0.0)
-        energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
-        push = -ufl.diff(energy, place)  # on the device; the shape takes the opposite
-        self.energies, self._forces = [], []
-        for role in shape.roles:
-            area = body.sheet_face(role)[0]
-            self.energies.append(energy * body.hoop * area)
-            self._forces.append([-push[c] * body.hoop * area for c in range(mesh.topology.dim)])
-        self.nodes = FaceNodes(body, setting.w.function_space, shape.roles)
-
-    def _distances(self, places: Array) -> Array:
-        x, y = places[:, 0], places[:, -1]
-        components = [x, np.zeros_like(x), y] if places.shape[1] == 2 else list(places.T)
-        return np.asarray(self.shape.distance(components, self.numbers))
-
-    def move_to(self, at: npt.ArrayLike) -> None:
-        """Put the shape somewhere else, in m: an indenter that comes down from state to state."""
-        place = np.asarray(at, dtype=float) / self.body.actuator.size
-        self.numbers = (place, *self.numbers[1:])
-        self._constants[0].value = place
-
-    def check_rest(self) -> None:
-        """Refuse a shape that lies in the device at rest.
-
-        Raises:
-            PartError: It does.
-        """
-        from softmodels.mechanics.mpi import largest
-
-        points = self.body.mesh.geometry.x[:, : self.body.mesh.topology.dim]
-        deepest = -float(self._distances(points).min()) if len(points) else -math.inf
-        deepest = largest(self.body.mesh.comm, deepest)
-        if deepest > NEAR:
-            shape, depth = self.shape, deepest * self.body.actuator.size * 1e3
-            side = "outside of the hollow" if shape.hollow else "in the"
-            raise PartError(
-                f"{shape.where}: at rest the device lies {depth:.4g} mm deep {side} {shape.shape}; move it away, or give it "
-                "another radius"
-            )
-
-    def compile(self, equations: Equations) -> None:
-        self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self._forces]
-
-    def figures(self, equations: Equations) -> dict[str, float]:
-        actuator = self.body.actuator
-        unit = equations.stress_unit * equations.length_unit**2
-        axes = "xyz" if actuator.dimension == 3 else "xz"
-        force = dict.fromkeys(AXES, 0.0)
-        for forces in self._compiled:
-            for axis, form in zip(axes, forces, strict=True):
-                force[axis] += unit * equations.integral(form)
-        total = self._of_all_copies(np.array(list(force.values())))
-        depth = -float(self._distances(self.nodes.moved(equations.w.x.array)).min())
-        label, shown = self.shape.label, AXES if actuator.dimension == 3 else "z"
-        found = {f"{label}_force_{axis}_N": float(total[AXES.index(axis)]) for axis in shown}
-        return found | {f"{label}_depth_mm": max(depth, 0.0) * equations.length_unit * 1e3}
-
-    def _of_all_copies(self, force: Array) -> Array:
-        actuator, shape = self.body.actuator, self.shape
-        normals = [np.asarray(plane.normal) for plane in actuator.cut_planes]
-        return force_of_all(actuator, [n for n in normals if abs(np.asarray(shape.at) @ n) < shape.radius], force)
-
-    def admits(self, before: Array, after: Array) -> bool:
-        start, end = self.nodes.moved(before), self.nodes.moved(after)
-        limit = self.shape.deepest(self.body.actuator.size)
-        way = [start + t * (end - start) for t in np.linspace(0.0, 1.0, WAY + 1)[1:]]
-        return all(float(self._distances(places).min()) > -limit for places in way)
+        if self.guide:
+            standing = FileShapeTerm(self, setting) if self.file else SampledShapeTerm(self, setting)
+            return GuidedShapeTerm(self, standing, setting)
+        return FileShapeTerm(self, setting) if self.file else ShapeTerm(self, setting)

@@ -115,15 +115,16 @@ class Sensitivity:
             name: Of `known_parameters`.
 
         Returns:
-            Owned entries, shape (n,), dimensionless per SI unit, a view that the next assembly overwrites; and the shear
-            modulus' derivative.
+            Owned entries, shape (n,), dimensionless per SI unit; and the shear modulus' derivative.
         """
         eq = self.solver.system
         dmu = self._along.turn(eq.material, name)
-        force = eq.assemble(self._material)
+        force = eq.assemble(self._material).copy()
         if eq.dead.forms:  # they keep their newtons, which in shear moduli fall
-            cavities, force = len(eq.pressures) - len(eq.dead.forms), force.copy()
+            cavities = len(eq.pressures) - len(eq.dead.forms)
             force += dmu / eq.stress_unit * eq.pressures[cavities:] @ eq.pressure_loads()[cavities:]
+        if eq.assembled.slack:  # and so do springs and weights that are pressed on
+            force -= dmu / eq.stress_unit * eq.by_unknowns(eq.assembled.add_harder(eq.w.x.array, np.zeros(eq.n)))
         return force, dmu
 
     def _rate(self, state: State, control: Control, name: str) -> Rate:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,17 +17,14 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from geometries.foreign_meshes import read_surfaces
 from geometries.imported_mesh import UNITS
-from softmodels.mechanics.assembled import AssembledTerm
 from softmodels.mechanics.contact import NEAR, ONSET_PRESSURE
-from softmodels.mechanics.contact_part import force_of_all
+from softmodels.mechanics.contact_part import StoppingShape, shape_figures
 from softmodels.mechanics.face_nodes import FaceNodes
 from softmodels.mechanics.parts import Equations, PartError, Setting
 from softmodels.mechanics.walls.fixed import FixedWall, PressedOn, TooFineError
 from softmodels.mechanics.walls.gap import Penalty
+from softmodels.mechanics.walls.pressing import PressingTerm
 from softmodels.mechanics.walls.surface import Surface
-
-if TYPE_CHECKING:
-    import scipy
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -39,35 +36,23 @@ DEEPEST = 0.3
 STRIDE = 0.5
 """Radii that a node moves between two looks at its depth."""
 MOST_LOOKS = 60
-SOON = 0.2
-"""Gap in radii at which nodes are coupled in the matrix before they touch."""
 SAME = 1e-6
 """Share of the shape's extent by which its corners may miss their mirror images."""
 PROBED = 50
 """Nodes whose place within the shape is looked for by its winding number: touching surfaces are found by the gap."""
 
 
-class FileShape(Protocol):
-    """A shape with a file; see `softmodels.mechanics.rigid_shapes.RigidShape`."""
+class FileShape(StoppingShape, Protocol):
+    """A shape with a file."""
 
     @property
-    def where(self) -> str: ...
-    @property
-    def label(self) -> str: ...
-    @property
-    def roles(self) -> list[str]: ...
-    @property
     def at(self) -> tuple[float, ...]: ...
-    @property
-    def hollow(self) -> bool: ...
     @property
     def file(self) -> str: ...
     @property
     def unit(self) -> str: ...
     @property
     def rounding(self) -> float: ...
-    @property
-    def stiffness(self) -> float: ...
 
 
 def surface_of(shape: FileShape) -> tuple[Array, Numbers]:
@@ -96,10 +81,15 @@ def _read(file: str, unit: float, changed: int) -> tuple[Array, Numbers]:
     return points, triangles if volume > 0.0 else triangles[:, ::-1]
 
 
-def _crossed(shape: FileShape, actuator: Actuator, points: Array) -> list[Array]:
-    """Normals of the cut planes that a shape crosses."""
-    near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
-    normals = [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
+def _same(points: Array) -> float:
+    """Distance in m below which places on a shape are the same."""
+    return SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def crossed_by_file(shape: FileShape, actuator: Actuator) -> list[Array]:
+    """Normals of the cut planes that a shape crosses; `PartError` as for `surface_of`."""
+    points, _ = surface_of(shape)
+    near, normals = _same(points), [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
     return [n for n in normals if (points @ n).min() < -near and (points @ n).max() > near]
 
 
@@ -112,7 +102,7 @@ def check_file_on(shape: FileShape, actuator: Actuator) -> None:
         )
     from scipy.spatial import cKDTree
 
-    near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+    near = _same(points)
     for plane in actuator.cut_planes:
         n = np.asarray(plane.normal, dtype=float)
         if (points @ n).max() <= near:
@@ -125,7 +115,7 @@ def check_file_on(shape: FileShape, actuator: Actuator) -> None:
             )
 
 
-class FileShapeTerm(AssembledTerm):
+class FileShapeTerm(PressingTerm[PressedOn]):
     """The energy of contact with an STL file's shape, with the force on it.
 
     Args:
@@ -140,7 +130,7 @@ class FileShapeTerm(AssembledTerm):
         self.shape, self.actuator = shape, body.actuator
         size = self.actuator.size
         points, triangles = surface_of(shape)
-        self._crossed = _crossed(shape, self.actuator, points)
+        self.crossed = crossed_by_file(shape, self.actuator)
         self.surface = Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside)
         edges, measure = self.surface.edges, self.surface.measure
         radius = shape.rounding / size or ROUNDING * float(edges @ measure / measure.sum())
@@ -152,37 +142,27 @@ class FileShapeTerm(AssembledTerm):
                 "rounding, or cut off what the device does not come near"
             ) from None
         self.penalty = Penalty(shape.stiffness, ONSET_PRESSURE / shape.stiffness)
-        self._check_rest(points / size, triangles)
         self.move(nodes.places)
+        self._check_rest(points / size, triangles)
 
     def _check_rest(self, points: Array, triangles: Numbers) -> None:
-        deepest = -float(self.wall.gaps(self.surface.places(self.nodes.places)).min(initial=np.inf))
         chosen = self.nodes.places[:: max(1, len(self.nodes.places) // PROBED)]
         inside = np.abs(_winding(chosen, points[triangles])) > 0.5
-        if deepest > NEAR or bool((inside != self.shape.hollow).any()):
+        if self._pressed.depth > NEAR or bool((inside != self.shape.hollow).any()):
             side = "outside of the hollow" if self.shape.hollow else "in the"
             raise PartError(
                 f"{self.shape.where}: at rest the device lies {side} shape of {self.shape.file}, or touches it; "
                 "move it away (at)"
             )
 
-    def move(self, places: Array) -> None:
-        self._pressed = PressedOn(self.surface, self.wall, self.penalty, places)
-
-    def energy_here(self) -> float:
-        return self._pressed.energy
-
-    def forces_here(self) -> Array:
-        return self._pressed.forces
-
-    def stiffness_here(self) -> scipy.sparse.csr_array:
-        return self._pressed.stiffness
-
-    def coupled(self) -> scipy.sparse.csr_array:
-        return self._pressed.coupled(SOON)
+    def pressed(self, places: Array) -> PressedOn:
+        return PressedOn(self.surface, self.wall, self.penalty, places)
 
     def admits(self, before: Array, after: Array) -> bool:
-        start, end = self.nodes.moved(before), self.nodes.moved(after)
+        return self.clear(self.nodes.moved(before), self.nodes.moved(after))
+
+    def clear(self, start: Array, end: Array) -> bool:
+        """Whether nodes may go from places to places, shape (n, 3) each, without passing through the shape."""
         farthest, limit = float(np.linalg.norm(end - start, axis=1).max(initial=0.0)), DEEPEST * self.wall.radius
         looks = int(np.clip(np.ceil(farthest / (STRIDE * self.wall.radius)), 1, MOST_LOOKS))
         way = (self.surface.places(start + t * (end - start)) for t in np.linspace(0.0, 1.0, looks + 1)[1:])
@@ -190,11 +170,9 @@ class FileShapeTerm(AssembledTerm):
 
     def figures(self, equations: Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
-        unit, label = equations.stress_unit * equations.length_unit**2, self.shape.label
-        total = force_of_all(self.actuator, self._crossed, unit * self._pressed.forces.sum(axis=0))
-        depth = -float(self._pressed.gaps.min(initial=np.inf))
-        found = {f"{label}_force_{axis}_N": float(value) for axis, value in zip("xyz", total, strict=True)}
-        return found | {f"{label}_depth_mm": max(depth, 0.0) * equations.length_unit * 1e3}
+        force = equations.stress_unit * equations.length_unit**2 * self._pressed.forces.sum(axis=0)
+        depth = self._pressed.depth * equations.length_unit
+        return shape_figures(self.shape.label, self.actuator, self.crossed, force, depth)
 
 
 def _winding(places: Array, corners: Array) -> Array:

@@ -197,7 +197,7 @@ def _slice(states: States, out: DrawnFolder) -> None:
     stress = section_pictures.section_stress(
         points, moved, states.cells, values, states.rows[step], states.words, plate
     )
-    draw_outlines(stress.axes[0], states.case)
+    draw_outlines(stress.axes[0], states, step)
     out.save("slice", stress)
 
 

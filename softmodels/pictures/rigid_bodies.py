@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from softmodels.case.case import Case
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.stl_shapes import surface_of
 from softmodels.pictures.offscreen import Layer, Style, surface
 from softmodels.pictures.style import WARNING
+from softmodels.results.stored import States
 from softmodels.results.triangles import Array, Cells
 
 if TYPE_CHECKING:
@@ -38,8 +38,7 @@ def profile(shape: RigidShape, reach: float) -> Array:
 def shape_surface(shape: RigidShape, reach: float) -> tuple[Array, Cells]:
     """Points in m, shape (n, 3), and triangles of a shape."""
     if shape.file:
-        points, triangles = surface_of(shape)
-        return points, triangles
+        return surface_of(shape)
     axis = shape.direction
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
@@ -53,27 +52,38 @@ def shape_surface(shape: RigidShape, reach: float) -> tuple[Array, Cells]:
     return points.reshape(-1, 3), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 
-def shapes_of(case: Case) -> list[RigidShape]:
-    return [part for part in case.parts if isinstance(part, RigidShape)]
+def shapes_of(states: States) -> list[RigidShape]:
+    return [part for part in states.case.parts if isinstance(part, RigidShape)]
 
 
-def shape_layers(case: Case, points: Array) -> list[Layer]:
-    """Translucent surfaces of a case's shapes; points (n, 3) in m are of the device, which a cylinder overtops a little."""
+def way(states: States, shape: RigidShape, step: float) -> Array:
+    """How far a shape has given way at a step or between two, in m, shape (3,)."""
+    if not shape.guide:
+        return np.zeros(3)
+    ways = [row[f"{shape.label}_way_mm"] for row in states.rows]
+    return 1e-3 * float(np.interp(step, np.arange(len(ways)), ways)) * shape.gives_way
+
+
+def shape_layers(states: States, step: float) -> list[Layer]:
+    """Translucent surfaces of the shapes beside a device at a step; a cylinder overtops the device a little."""
     style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
-    found: list[Layer] = []
-    for shape in shapes_of(case):
-        along = (points - np.asarray(shape.at)) @ shape.direction
-        found.append((surface(*shape_surface(shape, 1.1 * float(np.abs(along).max()))), style))
+    skin, shapes, found = states.skin, shapes_of(states), list[Layer]()
+    if not shapes:
+        return found
+    device = skin.device(skin.points(states.moved(states.main)))
+    for shape in shapes:
+        along = (device - np.asarray(shape.at)) @ shape.direction
+        points, triangles = shape_surface(shape, 1.1 * float(np.abs(along).max()))
+        found.append((surface(points + way(states, shape, step), triangles), style))
     return found
 
 
-def draw_outlines(axes: Axes, case: Case) -> None:
-    """Draw the outlines of a case's shapes into an axisymmetric section in millimetres, whose limits stay."""
+def draw_outlines(axes: Axes, states: States, step: int) -> None:
+    """Draw the outlines of shapes at a step into an axisymmetric section in millimetres, whose limits stay."""
     limits = axes.get_xlim(), axes.get_ylim()
-    for shape in shapes_of(case):
+    for shape in shapes_of(states):
         line = profile(shape, 10.0)
         side = np.sign(shape.direction[2]) if shape.shape != "sphere" else 1.0
-        axes.plot(
-            1e3 * line[:, 1], 1e3 * (shape.at[2] + side * line[:, 0]), color=WARNING, linewidth=1.5, linestyle="--"
-        )
+        middle = shape.at[2] + way(states, shape, step)[2]
+        axes.plot(1e3 * line[:, 1], 1e3 * (middle + side * line[:, 0]), color=WARNING, linewidth=1.5, linestyle="--")
     axes.set(xlim=limits[0], ylim=limits[1])

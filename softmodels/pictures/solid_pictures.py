@@ -76,7 +76,7 @@ def slice_stress(look: Look) -> Figure:
                 (surface(moved, skin.triangles, skin.normals(moved), values), style),
                 (lines(moved, edges), {"color": INK, "line_width": 2.0}),
                 (lines(rest, edges), {"color": FAINT, "line_width": 1.5}),
-                *look.plate_layers(),
+                *look.plate_layers(step),
             ]
         )
     return page(image, headline(states.rows[step], states.words), scale)
@@ -155,7 +155,7 @@ def cut(look: Look) -> Figure:
         layers = cut_open(states, step, plane, towards, scale)
         axis = int(np.argmax(np.abs(plane[0])))
         where = f"; cut at {'xyz'[axis]} = {number(plane[1][axis] * 1e3)} mm"
-        layers += look.plate_layers()
+        layers += look.plate_layers(step)
     clouds = [np.asarray(data.points) for data, _ in layers]
     camera = Camera.around(clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0])
     with studio(camera) as shoot:

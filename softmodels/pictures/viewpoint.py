@@ -76,10 +76,9 @@ class Look:
             corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
         return np.asarray(point + (middle + half * corners) @ along)
 
-    def plate_layers(self) -> list[Layer]:
-        """Layers of what stops the device: shapes, and the plane with a border; none without any."""
-        states, skin = self.states, self.states.skin
-        shapes = shape_layers(states.case, skin.device(skin.points(states.moved(states.main))))
+    def plate_layers(self, step: float) -> list[Layer]:
+        """Layers of what stops the device at a step: shapes, and the plane with a border; none without any."""
+        shapes = shape_layers(self.states, step)
         if self.plate is None:
             return shapes
         count = len(self.plate)
@@ -118,7 +117,7 @@ class Look:
         if self.opened:
             pairs = np.concatenate([pairs, self.open_rims])
         edges: list[Layer] = [(lines(shown, pairs), {"color": INK, "line_width": 1.5})] if len(pairs) else []
-        return [(data, style), *edges, *self.plate_layers()]
+        return [(data, style), *edges, *self.plate_layers(step)]
 
     def translucent(self, step: float, opacity: float, walls: Style | None) -> list[Layer]:
         """Layers of a state with a translucent outside; its cavities' walls before it in a style, None leaves them out."""

@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from softmodels.mechanics.body import in_section
 from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.reaction import held_force
+from softmodels.mechanics.section_axes import in_section
 from softmodels.mechanics.system import State, System
 from softmodels.results.rigid_figures import rigid_parts
 from softmodels.results.state_values import Sampling

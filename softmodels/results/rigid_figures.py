@@ -10,6 +10,7 @@ import numpy.typing as npt
 from softmodels.mechanics.rigid import symmetric_motions
 from softmodels.mechanics.rigid_motion import RigidMotion
 from softmodels.mechanics.rotations import rotation_vector
+from softmodels.mechanics.section_axes import in_space
 from softmodels.mechanics.system import State, System
 from softmodels.results.state_values import Sampling
 
@@ -31,26 +32,19 @@ def _figures(eq: System, motion: RigidMotion, forces: Array) -> Iterator[tuple[s
     actuator, free = eq.body.actuator, motion.freedom
     length, unit = eq.length_unit, eq.stress_unit * eq.length_unit**2 * actuator.copies
     directions, axes = symmetric_motions(actuator)
-    for axis in _axes(_in_space(free.directions)):
-        yield f"{'xyz'[axis]}_mm", float(_in_space(motion.translation)[axis]) * length * 1e3
+    for axis in _axes(in_space(free.directions)):
+        yield f"{'xyz'[axis]}_mm", float(in_space(motion.translation)[axis]) * length * 1e3
     for axis in _axes(free.axes):
         yield f"turn_{'xyz'[axis]}_deg", float(np.degrees(rotation_vector(motion.rotation)[axis]))
     force, moment = motion.wrench(forces)
-    force = _in_space(force @ directions.T @ directions) * unit  # the rest, the device's other slices push back
+    force = in_space(force @ directions.T @ directions) * unit  # the rest, the device's other slices push back
     along = free.directions[0] if len(free.directions) == 1 else None
-    yield "force_N", float(force @ (np.asarray(actuator.lift) if along is None else _in_space(along)))
+    yield "force_N", float(force @ (np.asarray(actuator.lift) if along is None else in_space(along)))
     if len(directions) > 1:
-        for axis in _axes(_in_space(directions)):
+        for axis in _axes(in_space(directions)):
             yield f"force_{'xyz'[axis]}_N", float(force[axis])
     for axis in _axes(axes):
         yield f"moment_{'xyz'[axis]}_Nmm", float((moment @ axes.T @ axes)[axis]) * unit * length * 1e3
-
-
-def _in_space(vectors: Array) -> Array:
-    """Vectors of the mesh in device coordinates, shape (..., 3)."""
-    if vectors.shape[-1] == 3:
-        return vectors
-    return np.stack([vectors[..., 0], np.zeros(vectors.shape[:-1]), vectors[..., 1]], axis=-1)
 
 
 def _axes(vectors: Array) -> list[int]:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.face_load import face_load
+from softmodels.mechanics.section_axes import in_space
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.results.grid import Grid, displacement_maps
@@ -73,8 +74,7 @@ class Sampling:
     def displacement(self, w: Array) -> Array:
         """Displacement of dofs in m in device coordinates at owned nodes, shape (owned, 3)."""
         eq = self.system
-        u = w[self.skew[: self.grid.owned]] @ eq.body.skew_inverse.T * eq.length_unit
-        return u if self.grid.dimension == 3 else np.column_stack([u[:, 0], np.zeros(len(u)), u[:, 1]])
+        return in_space(w[self.skew[: self.grid.owned]] @ eq.body.skew_inverse.T * eq.length_unit)
 
     def pressure(self, w: Array) -> Array | None:
         """The dimensionless unknown p at owned nodes, linear between its vertices; None without one."""

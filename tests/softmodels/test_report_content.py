@@ -77,7 +77,7 @@ def test_a_contact_runs_report_tells_plane_and_force(pressed):
 def test_the_plane_is_in_the_pictures_and_a_cut_plane_is_not(pressed):
     shown = look(States(pressed, "disk"))
     assert shown.plate is not None and shown.plate[:, 2] == pytest.approx(0.017)
-    assert len(shown.plate_layers()) == 2
+    assert len(shown.plate_layers(0)) == 2
 
 
 def test_the_mode_is_in_the_report(pressed):

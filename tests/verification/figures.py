@@ -7,6 +7,7 @@ Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh FINGER.msh SECTION.msh T
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import json
 import sys
 import tempfile
@@ -21,7 +22,6 @@ FINGER = PneuNet(chambers=2, paper=0.0005, cell_size=0.005)
 SECTION = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
 TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, cell_size=0.003)
 """With two equal membranes, of which one balloons in the end."""
-
 TUBE = Cylinder(section="axisymmetric", cell_size=0.002)
 
 
@@ -58,6 +58,7 @@ def figures(
         if name == "wedge":
             found["wedge, rates and outline"] = rates(equations, 0.1)
     found["wedge whose walls meet"] = meeting(comm, wedge)
+    found["wedge that lifts a ball of triangles"] = _beside("lifting").figures(comm, WEDGE, wedge)
     equations = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495)))
     found["section past its limit, rates and outline"] = rates(equations, 6.0)
     points = []
@@ -75,6 +76,14 @@ def figures(
     found["wedge by iterations"] = iterated(comm, wedge)
     found["end that is named"] = ending(comm)
     return found
+
+
+def _beside(name: str):
+    """A module of this folder."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def ending(comm) -> list[float]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import shutil
+
 import numpy as np
 import pytest
 
@@ -86,7 +89,8 @@ def test_a_side_of_a_box_is_a_plane(hollow, tmp_path, stl_files):
     lid = sm.RigidShape("stl", "top", (0.0, 0.0, 0.0), file=str(file), hollow=hollow, rounding=0.002, name="lid")
     run = sm.inflate(device, LAW, "0,40 cm", parts=[lid])
     assert run.added_volume[-1] == pytest.approx(plane.added_volume[-1], rel=3e-3)
-    assert run.path["lid_force_z_N"][-1] * (-1 if hollow else 1) != 0.0
+    pushed = run.path["lid_force_z_N"][-1]
+    assert pushed > 0.0 and pushed == pytest.approx(plane.path["contact_force_N"][-1], rel=0.02)
 
 
 def test_what_cannot_be_meant_is_refused(tmp_path, stl_files):
@@ -122,5 +126,7 @@ def test_the_file_counts_by_its_content(tmp_path, stl_files):
         "disk", DISK, LAW, pressures_cm=(5.0,), parts=(sm.RigidShape("stl", "top", AT, file=str(file), name="ball"),)
     )
     before = identity(case)
+    elsewhere = dataclasses.replace(case.parts[0], file=str(shutil.copy(file, tmp_path / "other.stl")))
+    assert identity(dataclasses.replace(case, parts=(elsewhere,))) == before
     stl_files.write_stl(file, *stl_files.ball(0.9 * RADIUS))
     assert identity(case) != before

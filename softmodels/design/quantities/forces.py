@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from softmodels.design.quantities.base import Measure, Quantity, Slopes, quantity
 from softmodels.design.quantities.forms import FormMeasure, scaled
-from softmodels.mechanics.body import in_section
+from softmodels.mechanics.section_axes import in_section
 
 if TYPE_CHECKING:
     from dolfinx import fem

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from softmodels.mechanics.walls.gap import LEAST, Near, Penalty, PointEnergies, pair_curvatures, pair_rates, sum_rates
+from softmodels.mechanics.walls.gap import Near, Penalty, PointEnergies, gaps_of, pair_curvatures, pair_rates, sum_rates
 from softmodels.mechanics.walls.pairs import Pairs
 from softmodels.mechanics.walls.surface import Array, Numbers
 
@@ -39,20 +39,14 @@ class Pressed:
         self.places, self.areas = surface.places(self.nodes), surface.areas(self.nodes)
         near = Near.of(self.pairs, self.places, self.areas)
         self.N, self.S = near.sums(len(self.places))
-        D = np.linalg.norm(self.S, axis=1)
-        self.seen = LEAST < D
-        self.gaps = np.where(self.seen, self.N / np.where(self.seen, D, 1.0), np.inf)
+        self.gaps = gaps_of(self.N, self.S)
         self.touching = self.gaps < 0.0
         self._all_near, self.near = near, near.of_points(self.touching)
 
     @functools.cached_property
     def points(self) -> PointEnergies:
         """Energies of the points that touch; zero of all others."""
-        on, (count, d) = self.touching, self.S.shape
-        first, second, value = np.zeros((count, 1 + d)), np.zeros((count, 1 + d, 1 + d)), np.zeros(count)
-        found = PointEnergies.of(self.N[on], self.S[on], self.surface.measure[on] / 2, self.penalty)
-        value[on], first[on], second[on] = found.value, found.first, found.second
-        return PointEnergies(value, first, second)
+        return PointEnergies.of_touching(self.touching, self.N, self.S, self.surface.measure / 2, self.penalty)
 
     @property
     def energy(self) -> float:
@@ -70,17 +64,12 @@ class Pressed:
 
     def coupled(self, soon: float) -> scipy.sparse.csr_array:
         """Nodes of all that a point touches or is near to, ``soon`` radii, true for each two, shape (n, n)."""
-        import scipy
-
         surface, near = self.surface, self._all_near
         close = self.gaps < soon * self.pairs.radius
         near = near.of_points(close)
         facets = surface.facets[surface.owner]
         i, nodes = np.concatenate([near.i, near.i]), np.concatenate([facets[near.i], facets[near.j]])
-        shape = (len(self.gaps), len(self.nodes))
-        at = (np.repeat(i, nodes.shape[1]), nodes.ravel())
-        held = scipy.sparse.csr_array(scipy.sparse.coo_array((np.ones(nodes.size, dtype=np.int32), at), shape=shape))
-        return scipy.sparse.csr_array((held.T @ held) > 0)
+        return together(i, nodes, (len(self.gaps), len(self.nodes)))
 
     def _by_samples(self) -> tuple[Array, Array]:
         """Derivatives of the energy by the samples' places and by their area vectors, shape (s, d) each."""
@@ -115,14 +104,9 @@ class Pressed:
             facets = self.surface.facets[self.surface.owner]
             pressed = np.unique(self.near.j)
             bent = self.surface.area_curvatures(self._by_samples()[1][pressed], pressed)
-            dofs = self._dofs(facets[pressed])
+            dofs = components_of(facets[pressed], d)
             found = found + scattered(bent.reshape(len(pressed), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
         return scipy.sparse.csr_array((found + found.T) / 2)
-
-    def _dofs(self, nodes: Numbers) -> Numbers:
-        """Numbers of the components of nodes, shape (p, a) to (p, a d)."""
-        d = self.nodes.shape[1]
-        return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), -1))
 
     def _pair_places(self, near: Near, rates: Array) -> Array:
         """Derivative of (r, m) of pairs by the places of the nodes of both facets, shape (p, 2d, 2kd)."""
@@ -146,8 +130,8 @@ class Pressed:
         near = near.taken(order)
         key = owner[near.i] * len(surface.facets) + owner[near.j]
         starts = np.flatnonzero(np.diff(key, prepend=-1))
-        dofs = self._dofs(
-            np.concatenate([surface.facets[owner[near.i[starts]]], surface.facets[owner[near.j[starts]]]], axis=1)
+        dofs = components_of(
+            np.concatenate([surface.facets[owner[near.i[starts]]], surface.facets[owner[near.j[starts]]]], axis=1), d
         )
         touching = np.flatnonzero(self.touching)
         number = np.empty(len(self.touching), dtype=np.int64)
@@ -170,6 +154,26 @@ class Pressed:
         own = (1 + d) * np.arange(len(touching))[:, None] + np.arange(1 + d)
         C = scattered(self.points.second[touching], own, own, size, size)
         return scipy.sparse.csr_array(K + U.T @ C @ U)
+
+
+def components_of(nodes: Numbers, d: int) -> Numbers:
+    """Numbers of the components of nodes, shape (p, a) to (p, a d)."""
+    return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), -1))
+
+
+def together(groups: Numbers, nodes: Numbers, shape: tuple[int, int]) -> scipy.sparse.csr_array:
+    """Whether two nodes are in a common group, for each two.
+
+    Args:
+        groups: The group of each row of ``nodes``, shape (p,).
+        nodes: Shape (p, a).
+        shape: Groups and nodes in all.
+    """
+    import scipy
+
+    at = (np.repeat(groups, nodes.shape[1]), nodes.ravel())
+    held = scipy.sparse.csr_array(scipy.sparse.coo_array((np.ones(nodes.size, dtype=np.int32), at), shape=shape))
+    return scipy.sparse.csr_array((held.T @ held) > 0)
 
 
 def scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> scipy.sparse.csr_array:

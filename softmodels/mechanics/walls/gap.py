@@ -54,6 +54,26 @@ def _share(D: Array) -> tuple[Array, Array, Array]:
     return value, 30 * t**2 * (1 - t) ** 2 / width, 60 * t * (1 - t) * (1 - 2 * t) / width**2
 
 
+def kernels(r: Array, R: Array | float) -> Array:
+    """K = (1 - r.r/R^2)^3 over its own integral on a plane, and its first two derivatives by r.r, shape (3, p).
+
+    Args:
+        r: Shape (p, d).
+        R: Radius of each, shape (p,), or of all.
+    """
+    s = np.einsum("pi,pi->p", r, r) / R**2
+    t = np.maximum(1.0 - s, 0.0)
+    unit = 32 / 35 * R if r.shape[1] == 2 else math.pi / 4 * R**2
+    return np.stack([t**3, -3 * t**2 / R**2, 6 * t / R**4]) / unit
+
+
+def gaps_of(N: Array, S: Array) -> Array:
+    """Gaps of points with these sums, shapes (n,) and (n, d); infinite where no wall is seen."""
+    D = np.linalg.norm(S, axis=1)
+    seen = D > LEAST
+    return np.where(seen, N / np.where(seen, D, 1.0), np.inf)
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Near:
     """Pairs of samples with their kernels.
@@ -75,7 +95,7 @@ class Near:
 
     @classmethod
     def of(cls, pairs: Pairs, places: Array, areas: Array) -> Near:
-        """Pairs in a shape of the walls: K = (1 - r.r/R^2)^3 over its own integral on a plane.
+        """Pairs in a shape of the walls.
 
         Args:
             pairs: The walls and their search.
@@ -84,11 +104,7 @@ class Near:
         i, number = pairs.near(places)
         image, j = np.divmod(number, len(places))
         r, R = places[i] - pairs.of_all(places)[number], pairs.radius[j]
-        s = np.einsum("pi,pi->p", r, r) / R**2
-        t = np.maximum(1.0 - s, 0.0)
-        unit = 32 / 35 * R if r.shape[1] == 2 else math.pi / 4 * R**2
-        K = np.stack([t**3, -3 * t**2 / R**2, 6 * t / R**4]) / unit
-        return cls(i, j, image, r, pairs.of_all(areas)[number], K)
+        return cls(i, j, image, r, pairs.of_all(areas)[number], kernels(r, R))
 
     def sums(self, count: int) -> tuple[Array, Array]:
         """N, shape (count,), and S, shape (count, d), of each point."""
@@ -120,6 +136,15 @@ class PointEnergies:
     value: Array
     first: Array
     second: Array
+
+    @classmethod
+    def of_touching(cls, on: np.ndarray, N: Array, S: Array, area: Array, penalty: Penalty) -> PointEnergies:
+        """Those of the points that touch, a mask of shape (n,); zero of all others. The rest is as for `of`."""
+        count, d = S.shape
+        value, first, second = np.zeros(count), np.zeros((count, 1 + d)), np.zeros((count, 1 + d, 1 + d))
+        found = cls.of(N[on], S[on], area[on], penalty)
+        value[on], first[on], second[on] = found.value, found.first, found.second
+        return cls(value, first, second)
 
     @classmethod
     def of(cls, N: Array, S: Array, area: Array, penalty: Penalty) -> PointEnergies:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,26 +13,21 @@ from geometries import Actuator
 from geometries.fields import field_of
 from geometries.kinds import Quantity, Words
 from geometries.symmetry import reflected
-from softmodels.mechanics.assembled import AssembledTerm
-from softmodels.mechanics.body import in_section
 from softmodels.mechanics.contact import ONSET_PRESSURE
 from softmodels.mechanics.contact_part import ContactPart
 from softmodels.mechanics.face_nodes import FaceNodes, check_mesh_faces
 from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import Equations, PartError, Setting, register_part
+from softmodels.mechanics.section_axes import in_section
 from softmodels.mechanics.walls.energy import Pressed
 from softmodels.mechanics.walls.gap import Penalty
 from softmodels.mechanics.walls.pairs import MOST_IMAGES, Pairs
 from softmodels.mechanics.walls.passing import passes
+from softmodels.mechanics.walls.pressing import PressingTerm
 from softmodels.mechanics.walls.surface import Array, Surface
-
-if TYPE_CHECKING:
-    import scipy
 
 STIFFNESS = 2000.0
 """Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, since walls are thin."""
-SOON = 0.2
-"""Gap in radii of the kernel below which nodes are coupled in the matrix's pattern before they touch."""
 
 
 @register_part
@@ -89,7 +84,7 @@ class Walls(ContactPart):
         return WallTerm(self, setting)
 
 
-class WallTerm(AssembledTerm):
+class WallTerm(PressingTerm[Pressed]):
     """Contact of deformable walls; see `softmodels.mechanics.walls.gap`.
 
     Args:
@@ -110,27 +105,15 @@ class WallTerm(AssembledTerm):
         self.pairs = Pairs(surface, meets, reflected(mirrors, MOST_IMAGES, d))
         self.penalty = Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness)
         self.copies = body.actuator.copies
-        self._pressed = Pressed(self.pairs, self.penalty, nodes.places)
+        self.move(nodes.places)
         if self._pressed.depth > 1e-6:
             raise PartError(
                 f"{part.where}: at rest the walls {part.faces} overlap by "
                 f"{self._pressed.depth * body.actuator.size * 1e3:.3g} mm; leave room between them, or name others"
             )
 
-    def move(self, places: Array) -> None:
-        self._pressed = Pressed(self.pairs, self.penalty, places)
-
-    def energy_here(self) -> float:
-        return self._pressed.energy
-
-    def forces_here(self) -> Array:
-        return self._pressed.forces
-
-    def stiffness_here(self) -> scipy.sparse.csr_array:
-        return self._pressed.stiffness
-
-    def coupled(self) -> scipy.sparse.csr_array:
-        return self._pressed.coupled(SOON)
+    def pressed(self, places: Array) -> Pressed:
+        return Pressed(self.pairs, self.penalty, places)
 
     def admits(self, before: Array, after: Array) -> bool:
         return not passes(self.pairs, self.nodes.moved(before), self.nodes.moved(after))

@@ -1,0 +1,36 @@
+"""Rigid shapes in pictures: their surfaces, and where they have moved to."""
+
+from __future__ import annotations
+
+import types
+
+import numpy as np
+import pytest
+
+from softmodels.mechanics.rigid_shapes import RigidShape
+from softmodels.pictures.rigid_bodies import shape_surface, shapes_of, way
+
+BALL = RigidShape("sphere", "top", (0.0, 0.001, 0.03), 0.01, guide="0.6, 0, 0.8", spring=50.0, name="ball")
+ROD = RigidShape("cylinder", "top", (0.0, 0.0, 0.03), 0.01, name="rod")
+
+
+@pytest.fixture
+def states():
+    rows = [{"ball_way_mm": 0.0}, {"ball_way_mm": 2.0}, {"ball_way_mm": 5.0}]
+    return types.SimpleNamespace(case=types.SimpleNamespace(parts=(BALL, ROD)), rows=rows)
+
+
+def test_a_shape_is_drawn_where_it_has_given_way(states):
+    assert shapes_of(states) == [BALL, ROD]
+    np.testing.assert_allclose(way(states, BALL, 2), [0.003, 0.0, 0.004], atol=1e-15)
+    np.testing.assert_allclose(way(states, BALL, 1.5), 3.5e-3 * np.array([0.6, 0.0, 0.8]), atol=1e-15)
+    np.testing.assert_array_equal(way(states, ROD, 2), np.zeros(3))
+
+
+def test_surfaces_lie_on_their_shapes():
+    points, triangles = shape_surface(BALL, 1.0)
+    np.testing.assert_allclose(np.linalg.norm(points - BALL.at, axis=1), 0.01, rtol=1e-9)
+    assert triangles.max() < len(points)
+    points, _ = shape_surface(ROD, 0.05)
+    np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 2] - 0.03), 0.01, rtol=1e-9)
+    assert np.abs(points[:, 1]).max() == pytest.approx(0.05)
