@@ -14,6 +14,7 @@ class Inverse(abc.ABC):
 
     Attributes:
         exact: Whether it is K^-1 itself, and knows K's inertia.
+        rounded: Whether it is so in single precision alone.
         most_of_a_solve: Iterations of the linear solver in one solve after which it is replaced at once.
         most_in_all: Wear after which the next state gets one of its own; see `wear`.
         most_newton: Iterations of Newton's method after which a shorter step costs less.
@@ -21,6 +22,7 @@ class Inverse(abc.ABC):
     """
 
     exact: ClassVar[bool]
+    rounded: bool = False
     most_of_a_solve: ClassVar[int]
     most_in_all: ClassVar[int]
     most_newton: ClassVar[int]

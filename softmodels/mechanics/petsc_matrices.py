@@ -56,3 +56,8 @@ def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagon
     assemble_into(matrix, form, bcs, diagonal)
     matrix.assemble()
     return matrix
+
+
+def length(x: PETSc.Vec) -> float:
+    """Euclidean length of a vector."""
+    return float(x.dot(x)) ** 0.5

@@ -26,6 +26,8 @@ Array = npt.NDArray[np.float64]
 
 TANGENT_TOLERANCE = 1e-5
 """Of the linear solver for a path's direction."""
+ENERGY_TOLERANCE = 1e-3
+"""The same where the answer's work on its own load is asked for, whose error is the square of it."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -260,10 +262,16 @@ class Solver:
         bordered.join(newton.f, load, np.zeros(bordered.scalars))
         bordered.mat.assemble()
         self._side.setOperators(bordered.mat)
+        self._side.setTolerances(rtol=ENERGY_TOLERANCE)
         self._side.solve(newton.f, newton.x)
+        self._side.setTolerances(rtol=TANGENT_TOLERANCE)
         if not self._side.is_converged:
             return math.inf
-        return total(self.system.comm, float(load @ bordered.split(newton.x)[0]))
+        moved, _ = bordered.split(newton.x)
+        # The work of what the solution x leaves of the load, r, on x itself: what is then missing is of second order in r.
+        bordered.mat.mult(newton.x, newton.f)
+        left = 2.0 * load - bordered.split(newton.f)[0]
+        return total(self.system.comm, float(left @ moved))
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold for this device; it cannot be solved any more.

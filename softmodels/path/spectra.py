@@ -26,6 +26,9 @@ BLOCK = 4
 MOST_CORRECTIONS, CLOSE = 6, 5e-3
 """Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
 error is about its square. A mode that does not get there in as many has the point factorised."""
+SHARP, MOST_SHARPENINGS = 1e-6, 5
+"""Change of an eigenvalue, in shares of it, after which inverse iteration ends, since the next step would change it by about
+the square of that; and most of its steps."""
 LOWEST, OTHERS, LOCATED = 1e-3, 5e-2, 1e-5
 """Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
 of all where a bifurcation is located."""
@@ -98,7 +101,25 @@ class Factorised(Spectrum):
         return self.solver.bordered.negative_eigenvalues() - self.constraints
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
-        return lowest(self.solver.bordered.solve, self.M, self.seed, self.negative_eigenvalues, BLOCK)
+        bordered = self.solver.bordered
+        value, found = lowest(bordered.solve_roughly, self.M, self.seed, self.negative_eigenvalues, BLOCK)
+        return (self._sharpened(value, found[0]) if bordered.inverse.rounded else value), found
+
+    def _sharpened(self, value: float, mode: PETSc.Vec) -> float:
+        """The eigenvalue of a mode that was found in single precision, by inverse iteration; the mode is improved in place."""
+        image, x = self.M.createVecLeft(), self.M.createVecRight()
+        for _ in range(MOST_SHARPENINGS):
+            self.M.mult(mode, image)
+            self.solver.bordered.solve(image, x)
+            across = x.dot(image)  # x . K x, for K x is M times the mode before
+            self.M.mult(x, image)
+            square = x.dot(image)
+            before, value = value, across / square
+            x.copy(mode)
+            mode.scale(square**-0.5)
+            if abs(value - before) <= SHARP * abs(value):
+                break
+        return value
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         """See `Spectrum.corrected`.
@@ -129,7 +150,7 @@ class Factorised(Spectrum):
             residual, correction = M.createVecLeft(), M.createVecRight()
             residual.maxpy(shares, products)
             residual.maxpy([-value * share for share in shares], images)
-            self.solver.bordered.solve(residual, correction)
+            self.solver.bordered.solve_roughly(residual, correction)
             M.mult(correction, residual)
             size = max(correction.dot(residual), 0.0) ** 0.5
             if size <= CLOSE:
