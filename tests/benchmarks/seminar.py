@@ -32,8 +32,8 @@ from softmodels.results.fields import Fields
 
 PETSC_EVENTS = {"factorisation": ("MatCholFctrSym", "MatCholFctrNum"), "solves with the factors": ("MatSolve",)}
 OWN_EVENTS = {
-    "assembly of the tangent": "_assemble_tangent",
-    "assembly of vectors and products": "_assemble",
+    "assembly of the tangent": "assemble_tangent",
+    "assembly of vectors and products": "assemble",
     "search for cells turned inside out": "smallest_J",
 }
 
@@ -41,10 +41,10 @@ OWN_EVENTS = {
 def timed(event: Any, task: Callable[..., Any]) -> Callable[..., Any]:
     """The task within a PETSc event."""
 
-    def run(*args: Any) -> Any:
+    def run(*args: Any, **named: Any) -> Any:
         event.begin()
         try:
-            return task(*args)
+            return task(*args, **named)
         finally:
             event.end()
 
@@ -69,7 +69,7 @@ def main() -> None:
     prepared = time.perf_counter() - began
     events = {label: PETSc.Log.Event(label) for label in OWN_EVENTS}
     for label, name in OWN_EVENTS.items():
-        setattr(equations, name, timed(events[label], getattr(equations, name)))
+        setattr(equations.system, name, timed(events[label], getattr(equations.system, name)))
 
     began, told = time.perf_counter(), 0.0
     count = iterations = 0
