@@ -81,8 +81,8 @@ class Factorisation(Inverse):
     def memory(K: PETSc.Mat) -> float:
         """Bytes that a factorisation of K would take on this rank: what MUMPS' analysis foretells, and PETSc's copy of K.
 
-        Measured on wedges of 17,502, 24,386, 41,905 and 85,088 unknowns and a slab of 88,570, mass matrix included: 80, 75, 190,
-        461 and 438 MB taken, 84, 97, 190, 476 and 438 MB foretold, in single precision. Double takes some 1.6 times that.
+        Measured on wedges of 17,502, 24,386, 41,905 and 85,088 unknowns and a slab of 88,570, mass matrix included: 80, 75,
+        190, 461 and 438 MB taken, 84, 97, 190, 476 and 438 MB foretold, in single precision. Double takes some 1.6 times that.
 
         Args:
             K: An assembled matrix.

@@ -32,18 +32,19 @@ class Pixels(Artist):
     Args:
         image: Shape (height, width, 3).
         above: Pixels below it.
+        left: Pixels to the left of it.
     """
 
-    def __init__(self, image: npt.NDArray[np.uint8], above: int):
+    def __init__(self, image: npt.NDArray[np.uint8], above: int, left: int = 0):
         super().__init__()
-        self._image, self._above = image, above
+        self._image, self._above, self._left = image, above, left
 
     def get_window_extent(self, renderer: RendererBase | None = None) -> Bbox:
-        return Bbox.from_bounds(0, self._above, self._image.shape[1], self._image.shape[0])
+        return Bbox.from_bounds(self._left, self._above, self._image.shape[1], self._image.shape[0])
 
     def draw(self, renderer: RendererBase) -> None:
         opaque = np.full((*self._image.shape[:2], 1), 255, dtype=np.uint8)
-        renderer.draw_image(renderer.new_gc(), 0, self._above, np.dstack([self._image, opaque])[::-1])
+        renderer.draw_image(renderer.new_gc(), self._left, self._above, np.dstack([self._image, opaque])[::-1])
 
 
 def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:

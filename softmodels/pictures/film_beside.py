@@ -9,6 +9,7 @@ import multiprocessing
 import os
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
@@ -74,11 +75,13 @@ def make(shown: Look, folder: Path, wanted: Callable[[], bool] = lambda: True) -
     frames = film.frames(shown)
     written: list[Path] = []
     left_out: list[str] = []
-    for name, encoded in (("film.gif", film.gif), ("film.webp", film.webp)):
-        data = encoded(frames)
+    encoders = {"film.gif": film.gif, "film.webp": film.webp}
+    with ThreadPoolExecutor(len(encoders)) as both:  # encoders are written in C and let each other run
+        encoded = {name: both.submit(encoder, frames) for name, encoder in encoders.items()}
+    for name, data in encoded.items():
         if not wanted():
             return written, left_out
-        write_bytes(folder / name, data)
+        write_bytes(folder / name, data.result())
         written.append(folder / name)
     if film.can_mp4() and wanted():
         try:

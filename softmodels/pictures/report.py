@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -49,12 +49,24 @@ ROUNDING = 1e-12
 REPORT = "report.html"
 
 
-def write(look: Look, folder: Path, name: str) -> Path:
+def embedded(folder: Path) -> dict[str, str]:
+    """A folder's pictures as the page holds them, by their names; those that are missing are left out."""
+    return {file: _source(folder / file) for file in CAPTIONS if (folder / file).exists()}
+
+
+def write(look: Look, folder: Path, name: str, ready: Mapping[str, str] | None = None) -> Path:
     """Write the report of a folder whose pictures are drawn already; those that are missing are left out.
+
+    Args:
+        look: The device.
+        folder: Where its pictures are.
+        name: Stem of the result files.
+        ready: What `embedded` has given for some of them.
 
     Returns:
         The file.
     """
+    pictures = dict(ready or {})
     states = look.states
     told = summary(folder)
     asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
@@ -64,7 +76,11 @@ def write(look: Look, folder: Path, name: str) -> Path:
         warnings=told["notes"] if "notes" in told else notes_of(states.case, states.rows),
         view=view(look), curves=_curves(states), contact=_contact(states),
         requested=_lines(asked, states), every=_lines(states.rows, states),
-        pictures=[(_source(folder / file), text) for file, text in CAPTIONS.items() if (folder / file).exists()],
+        pictures=[
+            (pictures.get(file) or _source(folder / file), text)
+            for file, text in CAPTIONS.items()
+            if (folder / file).exists()
+        ],
         case=case_tables(states), notes=_notes(states), toml=states.case.to_toml(),
         columns=[(name, meaning) for name, meaning in terms if meaning.text],
     )  # fmt: skip

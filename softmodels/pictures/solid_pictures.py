@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image as Picture
 
 from geometries import Actuator
-from softmodels.pictures.colour_scale import FOOT, Scale, page
+from softmodels.pictures.colour_scale import FOOT, Pixels, Scale, page
 from softmodels.pictures.cut_open import best_plane, cut_open
 from softmodels.pictures.hot_spots import hot_layers, hot_limit, hot_title, peak_place, peak_text
 from softmodels.pictures.offscreen import Camera, Image, Style, lines, ring, studio, surface
@@ -134,9 +135,8 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateWord
     figure = Figure((WIDTH, whole), dpi=DPI)
     for k, (_, image) in enumerate(images):
         left, top = k % columns * wide, whole - k // columns * (tall + head)
-        axes = figure.add_axes((left / WIDTH, (top - head - tall) / whole, wide / WIDTH, tall / whole))
-        axes.imshow(image, interpolation="antialiased")
-        axes.set_axis_off()
+        small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
+        figure.add_artist(Pixels(np.asarray(small), round((top - head - tall) * DPI), round(left * DPI)))
         figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, titles[k], ha="center", va="center")
     scale.bar(figure)
     return figure

@@ -7,9 +7,9 @@ Both trees need an environment of their own (``.venv``). Each command is run onc
 CPU seconds are of the command and its processes together, and tell the same on a busy machine; what overlaps on two cores
 shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes one of the commands.
 
-Against ee3d6d7, CPU seconds before and after on a busy machine, medians of three: help 1.00 and 0.21 (4.2 times less), section
-1.90 and 0.85 (2.2 times less). Of the wedge's first run, the C compiler takes 5.1 s where it took 11.6; all drawing at its end,
-apart from loading what draws, 10.1 s where it took 13.3.
+Against ee3d6d7, before and after, medians of three on an idle machine: section 1.57 and 0.78 s (2.08 times), the wedge with
+all its pictures 19.3 and 10.4 s (1.85 times), of which drawing after the last state takes 4.5; help, CPU seconds, 1.00 and
+0.21 (4.2 times).
 """
 
 from __future__ import annotations
