@@ -34,7 +34,8 @@ Array = npt.NDArray[np.float64]
 ITERATED = 1e-10
 """Tolerance of the solves that stand for back-substitutions."""
 REFINED, MOST_REFINEMENTS = 1e-12, 5
-"""What back-substitutions in single precision are refined to, in shares of the answer, and in how many steps at most."""
+"""What back-substitutions in single precision are refined to, in shares of the answer, if nothing else is asked for; and in how
+many steps at most."""
 
 
 class Bordered:
@@ -134,17 +135,17 @@ class Bordered:
         self.factorisations += 1
         self.refresh()
 
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = REFINED) -> None:
         """x = K^-1 b among the motions that keep the held volumes: with the factorisation at hand, or by iterations.
 
-        Iterations solve with the tangent of the state that is loaded.
+        Iterations solve with the tangent of the state that is loaded; single precision is refined to a relative tolerance.
         """
         if not self.inverse.exact:
             self.iterate(b, x, ITERATED)
             return
         pressures = self.solve_roughly(b, x)
         if self.inverse.rounded:
-            self._refine(b, x, pressures)
+            self._refine(b, x, pressures, tolerance)
 
     def solve_roughly(self, b: PETSc.Vec, x: PETSc.Vec) -> Array:
         """The same to the factorisation's own precision; returns the pressures that keep the held volumes."""
@@ -162,7 +163,7 @@ class Bordered:
             x.axpy(pressure, lifted)
         return pressures
 
-    def _refine(self, b: PETSc.Vec, x: PETSc.Vec, pressures: Array) -> None:
+    def _refine(self, b: PETSc.Vec, x: PETSc.Vec, pressures: Array, tolerance: float) -> None:
         """Correct x by what it leaves of b, with the K that was factorised, until it keeps its digits."""
         before = length(x)
         for _ in range(MOST_REFINEMENTS):
@@ -177,7 +178,7 @@ class Bordered:
             x.axpy(1.0, self._y)
             size = length(self._y)
             # What is left is as much smaller than this correction as this one is than the last.
-            if size * size <= REFINED * before * length(x) or size == 0.0:
+            if size * size <= tolerance * before * length(x) or size == 0.0:
                 return
             before = size
 

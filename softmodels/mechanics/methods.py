@@ -95,9 +95,10 @@ def chosen(system: System, method: str) -> Method:
     fits = iterative[0] <= room and not rigid
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return Method("iterative", iterative[1])
-    direct = needed(system.comm, mass + Factorisation.memory(system.K))
+    usual, most = Factorisation.memory(system.K)
+    direct = needed(system.comm, mass + most)
     if direct[0] <= room and method != "iterative":
-        return Method("direct", direct[1])
+        return Method("direct", needed(system.comm, mass + usual)[1])
     if fits and method == "auto":
         told = f"about {direct[1] / GIGA:.2g} GB, where {room * system.comm.size / GIGA:.2g} GB are free"
         return Method("iterative", iterative[1], f"a factorisation would take {told}")

@@ -30,7 +30,7 @@ MOST_STEPS = 150
 
 
 def lowest(
-    solve: Callable[[PETSc.Vec, PETSc.Vec], object], M: PETSc.Mat, start: PETSc.Vec, negatives: int, count: int = 1
+    solve: Callable[[PETSc.Vec, PETSc.Vec], None], M: PETSc.Mat, start: PETSc.Vec, negatives: int, count: int = 1
 ) -> tuple[float, list[PETSc.Vec]]:
     """The lowest eigenvalue, its vector, and approximations of the next ones.
 

@@ -26,9 +26,9 @@ BLOCK = 4
 MOST_CORRECTIONS, CLOSE = 6, 5e-3
 """Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
 error is about its square. A mode that does not get there in as many has the point factorised."""
-SHARP, MOST_SHARPENINGS = 1e-6, 5
-"""Change of an eigenvalue, in shares of it, after which inverse iteration ends, since the next step would change it by about
-the square of that; and most of its steps."""
+EIGENVALUE, CORRECTION = 1e-10, 1e-6
+"""What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer: for the lowest
+eigenvalue where K was factorised, and for corrections of its mode."""
 LOWEST, OTHERS, LOCATED = 1e-3, 5e-2, 1e-5
 """Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
 of all where a bifurcation is located."""
@@ -101,25 +101,10 @@ class Factorised(Spectrum):
         return self.solver.bordered.negative_eigenvalues() - self.constraints
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
-        bordered = self.solver.bordered
-        value, found = lowest(bordered.solve_roughly, self.M, self.seed, self.negative_eigenvalues, BLOCK)
-        return (self._sharpened(value, found[0]) if bordered.inverse.rounded else value), found
+        def solve(b: PETSc.Vec, x: PETSc.Vec) -> None:
+            self.solver.bordered.solve(b, x, EIGENVALUE)
 
-    def _sharpened(self, value: float, mode: PETSc.Vec) -> float:
-        """The eigenvalue of a mode that was found in single precision, by inverse iteration; the mode is improved in place."""
-        image, x = self.M.createVecLeft(), self.M.createVecRight()
-        for _ in range(MOST_SHARPENINGS):
-            self.M.mult(mode, image)
-            self.solver.bordered.solve(image, x)
-            across = x.dot(image)  # x . K x, for K x is M times the mode before
-            self.M.mult(x, image)
-            square = x.dot(image)
-            before, value = value, across / square
-            x.copy(mode)
-            mode.scale(square**-0.5)
-            if abs(value - before) <= SHARP * abs(value):
-                break
-        return value
+        return lowest(solve, self.M, self.seed, self.negative_eigenvalues, BLOCK)
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         """See `Spectrum.corrected`.
@@ -150,7 +135,7 @@ class Factorised(Spectrum):
             residual, correction = M.createVecLeft(), M.createVecRight()
             residual.maxpy(shares, products)
             residual.maxpy([-value * share for share in shares], images)
-            self.solver.bordered.solve_roughly(residual, correction)
+            self.solver.bordered.solve(residual, correction, CORRECTION)
             M.mult(correction, residual)
             size = max(correction.dot(residual), 0.0) ** 0.5
             if size <= CLOSE:
