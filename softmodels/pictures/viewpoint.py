@@ -17,6 +17,9 @@ from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array
 
+BESIDE = 0.5
+"""How far beside a device rigid shapes are in the picture, in sizes of the device."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Look:
@@ -48,8 +51,12 @@ class Look:
         return skin.device(skin.points(moved), self.kept if kept is None else kept)
 
     def camera(self, steps: list[int], width: int = PIXELS, tallest: float = 0.62) -> Camera:
-        """The camera that sees the whole of some states."""
+        """The camera that sees the whole of some states, and of rigid shapes beside them what is near."""
         clouds = [self.points(step) for step in steps]
+        low, high = (limit([limit(cloud, axis=0) for cloud in clouds], axis=0) for limit in (np.min, np.max))
+        around = BESIDE * float(np.max(high - low))
+        shapes = [np.asarray(data.points) for step in steps for data, _ in shape_layers(self.states, step)]
+        clouds += [np.clip(cloud, low - around, high + around) for cloud in shapes]
         if self.plate is not None:
             clouds.append(self.plate)
         return Camera.around(clouds, self.direction, self.up, width, tallest)

@@ -7,8 +7,11 @@ import types
 import numpy as np
 import pytest
 
+import softmodels as sm
 from softmodels.mechanics.rigid_shapes import RigidShape
-from softmodels.pictures.rigid_bodies import shape_surface, shapes_of, way
+from softmodels.pictures.rigid_bodies import shape_layers, shape_surface, shapes_of, way
+from softmodels.pictures.viewpoint import look
+from softmodels.results.stored import States
 
 BALL = RigidShape("sphere", "top", (0.0, 0.001, 0.03), 0.01, guide="0.6, 0, 0.8", spring=50.0, name="ball")
 ROD = RigidShape("cylinder", "top", (0.0, 0.0, 0.03), 0.01, name="rod")
@@ -34,3 +37,21 @@ def test_surfaces_lie_on_their_shapes():
     points, _ = shape_surface(ROD, 0.05)
     np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 2] - 0.03), 0.01, rtol=1e-9)
     assert np.abs(points[:, 1]).max() == pytest.approx(0.05)
+
+
+def test_a_ball_that_is_lifted_stays_in_the_picture(tmp_path):
+    ball = sm.RigidShape("sphere", "top", (0.0, 0.0, 0.0265), 0.01, guide="z", spring=20.0, name="ball")
+    disk = sm.HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
+    sm.inflate(disk, sm.NeoHookean(30e3), "0,40 cm", parts=[ball], folder=tmp_path / "disk")
+    shown = look(States(tmp_path / "disk", "disk"))
+    steps = [0, shown.states.main]
+    camera = shown.camera(steps)
+    direction, up = np.array(camera.direction), np.array(camera.up)
+    right = np.cross(up, direction) / np.linalg.norm(np.cross(up, direction))
+    axes = np.array([right, np.cross(direction, right)])
+    half = camera.scale * np.array([camera.size[0] / camera.size[1], 1.0])
+    for step in steps:
+        (layer,) = shape_layers(shown.states, step)
+        placed = (np.asarray(layer[0].points) - camera.focus) @ axes.T
+        assert (np.abs(placed) <= half).all()
+    assert way(shown.states, ball, steps[-1])[2] > 0.002
