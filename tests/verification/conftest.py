@@ -278,6 +278,38 @@ class Block(Plain):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class HeldBlock(Plain):
+    """The unit cube: "cavity" at x = 0 is pressed, the faces along x are "sides" and held, "free" is at x = -1."""
+
+    edge: float = length_field(1.0, "edge")
+    cells: float = number_field(4, "cells along an edge")
+
+    dimension = 3
+    mesh_order = 1
+    cut_planes = ()
+    holds = (Hold("sides", None),)
+    chamber_volume = 1.0
+
+    @property
+    def size(self):
+        return self.edge
+
+    def build(self):
+        import gmsh
+
+        gmsh.model.occ.addBox(-self.edge, 0, 0, self.edge, self.edge, self.edge)
+        gmsh.model.occ.synchronize()
+        _group(3, [1], "solid")
+        faces = {"cavity": [], "free": [], "sides": []}
+        for _, face in gmsh.model.getEntities(2):
+            along = _corner_coordinates(face)[:, 0]
+            faces["sides" if np.ptp(along) > 1e-3 else "cavity" if along[0] > -0.5 else "free"].append(face)
+        for name, found in faces.items():
+            _group(2, found, name)
+        gmsh.model.mesh.setSizeCallback(lambda *args: self.edge / self.cells)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Plate(Plain):
     """A plate that keeps its width, pushed together along x: a platen at x = 0 and the pressed one, the "cavity"."""
 
@@ -444,8 +476,8 @@ class CutBlock(Block):
 @pytest.fixture(scope="session")
 def bodies():
     """The test bodies by name: modules of tests cannot import each other."""
-    return types.SimpleNamespace(Sphere=Sphere, Octant=Octant, Tube=Tube, Block=Block, Plate=Plate, LayeredSphere=LayeredSphere,
-                                 LayeredTube=LayeredTube, LayeredPlate=LayeredPlate, CutBlock=CutBlock)  # fmt: skip
+    made = (Sphere, Octant, Tube, Block, HeldBlock, Plate, LayeredSphere, LayeredTube, LayeredPlate, CutBlock)
+    return types.SimpleNamespace(**{body.__name__: body for body in made})
 
 
 @pytest.fixture(scope="session")

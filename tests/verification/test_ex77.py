@@ -9,13 +9,10 @@ with the library its mesh and its function space and nothing else: the weak form
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from geometries import Actuator, Hold
-from geometries.fields import length_field, number_field
 from softmodels.materials.material import Material, parameter
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
@@ -44,49 +41,6 @@ class Augmented(Material):
     @property
     def shear_modulus_0(self):
         return self.shear_modulus
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class HeldBlock(Actuator):
-    """The unit cube: "cavity" at x = 0 is pressed, the faces along x are "sides", "free" is at x = -1."""
-
-    edge: float = length_field(1.0, "edge")
-    cells: float = number_field(4, "cells along an edge")
-
-    dimension = 3
-    mesh_order = 1
-    copies = 1
-    cut_planes = ()
-    probes: ClassVar = {}
-    cavity_volume = 1.0
-    chamber_volume = 1.0
-    solid_volume = 1.0
-    holds = (Hold("sides", None),)
-
-    @property
-    def size(self):
-        return self.edge
-
-    def on_profile(self, points):
-        return np.zeros(len(points), dtype=bool)
-
-    def check(self):
-        pass
-
-    def build(self):
-        import gmsh
-
-        gmsh.model.occ.addBox(-self.edge, 0, 0, self.edge, self.edge, self.edge)
-        gmsh.model.occ.synchronize()
-        gmsh.model.addPhysicalGroup(3, [1], 1, "solid")
-        faces = {"cavity": [], "free": [], "sides": []}
-        for _, face in gmsh.model.getEntities(2):
-            low, _, _, high, _, _ = gmsh.model.getBoundingBox(2, face)
-            across = high - low < 1e-3
-            faces["cavity" if across and low > -0.5 else "free" if across else "sides"].append(face)
-        for tag, (name, found) in zip((4, 5, 6), faces.items(), strict=True):
-            gmsh.model.addPhysicalGroup(2, found, tag, name)
-        gmsh.model.mesh.setSizeCallback(lambda *args: self.edge / self.cells)
 
 
 def by_path(block, method):
@@ -145,8 +99,8 @@ def displacement(W):
 
 @pytest.mark.parametrize("method", ["direct", "iterative"])
 @pytest.mark.parametrize("cells", [3, 5])
-def test_both_solvers_give_the_examples_deformation(cells, method, body_of, figure):
-    block = body_of(HeldBlock(cells=cells))
+def test_both_solvers_give_the_examples_deformation(cells, method, bodies, body_of, figure):
+    block = body_of(bodies.HeldBlock(cells=cells))
     system, found = by_path(block, method)
     expected = written_out(system, block)
     assert np.abs(expected[-1]).max() > 0.2
