@@ -95,9 +95,8 @@ class Factorisation(Inverse):
         with _precision(rounded):
             direct = _mumps(K)
             factor = direct.getFactorMatrix()
-            factor.setMumpsIcntl(
-                23, 1
-            )  # a megabyte is never enough: MUMPS ends after its analysis, before it allocates
+            # A megabyte is never enough: MUMPS ends after its analysis, before it allocates.
+            factor.setMumpsIcntl(23, 1)
             direct.setUp()
         factors, copy = factor.getMumpsInfo(15) * MEGA, entries_here(K) / 2 * TRIPLET
         direct.destroy()

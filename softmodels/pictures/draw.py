@@ -100,7 +100,7 @@ def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], obje
             _solids(shown, out)
             _stress(shown, out)
             out.save("cut", solid_pictures.cut(shown))
-            ready = report.embedded(out.path)  # while the film is being made
+            ready = report.embedded(out.path, {})  # while the film is being made
             written, left_out = film.made()
             out.written += written
             for text in left_out:

@@ -49,9 +49,14 @@ ROUNDING = 1e-12
 REPORT = "report.html"
 
 
-def embedded(folder: Path) -> dict[str, str]:
-    """A folder's pictures as the page holds them, by their names; those that are missing are left out."""
-    return {file: _source(folder / file) for file in CAPTIONS if (folder / file).exists()}
+def embedded(folder: Path, ready: Mapping[str, str]) -> dict[str, str]:
+    """A folder's pictures as the page holds them, by their names; those that are missing are left out.
+
+    Args:
+        folder: Where they are.
+        ready: Those that are known already.
+    """
+    return {file: ready.get(file) or _source(folder / file) for file in CAPTIONS if (folder / file).exists()}
 
 
 def write(look: Look, folder: Path, name: str, ready: Mapping[str, str] | None = None) -> Path:
@@ -66,7 +71,6 @@ def write(look: Look, folder: Path, name: str, ready: Mapping[str, str] | None =
     Returns:
         The file.
     """
-    pictures = dict(ready or {})
     states = look.states
     told = summary(folder)
     asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
@@ -76,11 +80,7 @@ def write(look: Look, folder: Path, name: str, ready: Mapping[str, str] | None =
         warnings=told["notes"] if "notes" in told else notes_of(states.case, states.rows),
         view=view(look), curves=_curves(states), contact=_contact(states),
         requested=_lines(asked, states), every=_lines(states.rows, states),
-        pictures=[
-            (pictures.get(file) or _source(folder / file), text)
-            for file, text in CAPTIONS.items()
-            if (folder / file).exists()
-        ],
+        pictures=[(source, CAPTIONS[file]) for file, source in embedded(folder, ready or {}).items()],
         case=case_tables(states), notes=_notes(states), toml=states.case.to_toml(),
         columns=[(name, meaning) for name, meaning in terms if meaning.text],
     )  # fmt: skip
