@@ -51,8 +51,8 @@ def tell_not_drawn(out: str, errors: str, status: int, left: str) -> None:
 class Drawing:
     """Draws the pictures, the film and the report of a run in a process of its own, for VTK and DOLFINx each bring an HDF5.
 
-    Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that.
-    What it draws has one camera and one colour scale for all states, and so waits for the last of them.
+    Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that, and
+    draws the device at rest there. All else has one camera and one colour scale for all states, and so waits for the last.
 
     Args:
         case: What is run.
@@ -84,6 +84,17 @@ class Drawing:
     def _started(self) -> subprocess.Popen[str]:
         return start_drawing(self.case, "softmodels.pictures.draw")
 
+    def begin(self, results: Results) -> None:
+        """Draw what the first state shows, if the process has been started; called when that state is in the folder."""
+        if self._process is not None and not self.few:
+            self._order(results)
+
+    def _order(self, results: Results, *more: object) -> None:
+        assert self._process is not None and self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # it has died, which is reported at the end
+            self._process.stdin.write(json.dumps([str(results.folder.absolute()), results.name, *more]) + "\n")
+            self._process.stdin.flush()
+
     def draw(self, results: Results) -> float | None:
         """Draw the results; the seconds it took, None if it failed, which is reported and costs no results.
 
@@ -92,7 +103,8 @@ class Drawing:
         """
         begun = time.monotonic()
         process = self._process = self._process or self._started()
-        out, errors = process.communicate(json.dumps([str(results.folder.absolute()), results.name, self.few]) + "\n")
+        self._order(results, self.few)
+        out, errors = process.communicate()
         if process.returncode == 0:
             print(errors, end="", file=sys.stderr)  # such as that this machine cannot render
             return time.monotonic() - begun

@@ -97,7 +97,8 @@ def run(case: Case, folder: Path | None, **how: Unpack[How]) -> int:
             progress.say(f"results go to {results.own.path}")
             if drawing is not None:
                 drawing.get_ready(comm.size)
-            record(Simulation(case, comm, progress, stopped), results, resumed, how.get("branch", False))
+            branch, begun = how.get("branch", False), drawing.begin if drawing is not None else None
+            record(Simulation(case, comm, progress, stopped), results, resumed, branch, begun)
     except BaseException as error:  # a caller's Ctrl-C among them
         # What PETSc refuses before anything is solved are the words it was given.
         ended = _outcome(error, lambda: bool(petsc) and not on_root(comm, lambda: results and results.stored))

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import matplotlib
@@ -31,7 +32,7 @@ from softmodels.pictures import (
     solid_pictures,
 )
 from softmodels.pictures.drawn_folder import DrawnFolder
-from softmodels.pictures.film_beside import Film
+from softmodels.pictures.makers import Makers
 from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.rigid_bodies import draw_outlines
 from softmodels.pictures.style import STYLE, headline
@@ -49,7 +50,13 @@ NO_RENDERING = "this machine cannot render, so the pictures of the solid and the
 
 
 def draw(
-    folder: Path, name: str, say: Callable[[str], object] = print, *, beside: bool = False, few: bool = False
+    folder: Path,
+    name: str,
+    say: Callable[[str], object] = print,
+    *,
+    beside: bool = False,
+    makers: Makers | None = None,
+    few: bool = False,
 ) -> list[Path]:
     """Draw the pictures of a folder of results into it, with its film and report; those of before are taken away.
 
@@ -58,6 +65,7 @@ def draw(
         name: Stem of the result files.
         say: Gets a sentence if something had to be left out.
         beside: Make the film in a process beside this one, which must not have rendered anything yet.
+        makers: What draws, if it has been made ready or has drawn something already.
         few: Draw the curves, the stress and the report alone.
 
     Returns:
@@ -81,27 +89,34 @@ def draw(
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
         out = DrawnFolder(folder)
-        written = _draw_few(states, out, name, say) if few else _draw(states, out, name, say, beside)
+        if few:
+            written = _draw_few(states, out, name, say)
+        else:
+            written = _draw(states, out, name, say, makers or Makers(beside, can_render()))
         own.forget_unwritten()
         return written
     finally:
         own.leave()
 
 
-def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], object], beside: bool) -> list[Path]:
+def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], object], makers: Makers) -> list[Path]:
     """All there is."""
-    shown = look(states)
-    filming = Film(shown, out.path, beside) if can_render() else contextlib.nullcontext()
-    with filming as film, matplotlib.rc_context(STYLE):
+    rendered = makers.rest.rendered
+    with makers, matplotlib.rc_context(STYLE):
+        if rendered:
+            makers.film.begin(out.path, name)
+        shown = look(states)
         _curves(states, out)
+        for stem, picture in makers.rest.pictures(shown).items():
+            out.add(stem, picture)
         if states.actuator.dimension == 2:
             _sections(states, out)
-        if film is not None:
+        if rendered:
             _solids(shown, out)
             _stress(shown, out)
             out.save("cut", solid_pictures.cut(shown))
             ready = report.embedded(out.path, {})  # while the film is being made
-            written, left_out = film.made()
+            written, left_out = makers.film.made()
             out.written += written
             for text in left_out:
                 say(text)
@@ -176,10 +191,9 @@ def _plate(states: States) -> float | None:
 
 
 def _sections(states: States, out: DrawnFolder) -> None:
-    """What an axisymmetric section shows best flat."""
+    """What an axisymmetric section shows best flat, but for its mesh."""
     step, words = states.main, states.words
     points, moved, cells = states.points, states.moved(step), states.cells
-    out.save("mesh", section_pictures.section_mesh(points, cells))
     _slice(states, out)
     if (at := states.bifurcation) is not None:
         out.save(
@@ -204,11 +218,9 @@ def _slice(states: States, out: DrawnFolder) -> None:
 
 
 def _solids(shown: Look, out: DrawnFolder) -> None:
-    """Rendered pictures of the solid, but for the stress."""
+    """Rendered pictures of the deformed solid, but for the stress."""
     states = shown.states
-    out.save("undeformed", solid_pictures.undeformed(shown))
     if states.actuator.dimension == 3:
-        out.save("mesh", solid_pictures.mesh(shown))
         if len(states.skin.planes):
             out.save("slice", solid_pictures.slice_stress(shown))
         out.save("hot-spots", solid_pictures.hot_spots(shown))
@@ -231,13 +243,14 @@ def _stress(shown: Look, out: DrawnFolder) -> None:
     out.save("stress", solid_pictures.sheet(images, rows, words, scale), texts)
 
 
-def draw_folder(folder: Path, name: str | None = None, few: bool = False) -> None:
+def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers: Makers | None = None) -> None:
     """Draw a folder's pictures, film and report for a command: names the files, or says why not and exits with status 2.
 
     Args:
         folder: Results with their ``case.toml``.
         name: Stem of the result files; None for the case's own name.
         few: Draw the curves, the stress and the report alone.
+        makers: As of `draw`.
     """
     try:
         import_own_modules()
@@ -249,7 +262,7 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False) -> Non
         def say(text: str) -> None:
             print(f"softmodels: {text}", file=sys.stderr)
 
-        for path in draw(folder, name, say, beside=True, few=few):
+        for path in draw(folder, name, say, beside=True, makers=makers, few=few):
             print(path)
     except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
         print(f"softmodels: {error}", file=sys.stderr)
@@ -259,11 +272,22 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False) -> Non
         sys.exit(2)
 
 
-def get_ready() -> None:
+def get_ready() -> Makers:
     """Load what renders and see whether this machine can, before there is anything to draw."""
     import pyvista.plotting  # noqa: F401
 
-    can_render()
+    with contextlib.suppress(OwnModuleError):  # reported when something is drawn
+        import_own_modules()
+    return Makers(True, can_render())
+
+
+def _orders() -> Iterator[list[Any]]:
+    """Orders from standard input, each a list in JSON on a line: of those that have come meanwhile the last."""
+    left = b""
+    while data := os.read(0, 1 << 16):
+        *whole, left = (left + data).split(b"\n")
+        if whole:
+            yield json.loads(whole[-1])
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -272,19 +296,21 @@ def get_ready() -> None:
 def main(folder: Path | None, name: str | None) -> None:
     """Draw the pictures, the film and the report of the results in FOLDER.
 
-    Without FOLDER: get ready, then read the folder, the results' name and whether to draw few from standard input, as a list
-    in JSON; nothing is drawn if that ends first. A run starts it so beside itself.
+    Without FOLDER: get ready, then read orders from standard input, each a list in JSON on a line: a folder and the results'
+    name, once the first state is there, to draw what it shows; and then both with whether to draw few, to draw all. Nothing
+    is drawn if the input ends first. A run starts it so beside itself.
 
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
-    few = False
-    if folder is None:
-        get_ready()
-        if not (order := sys.stdin.readline()):
-            return
-        place, name, few = json.loads(order)
-        folder = Path(place)
-    draw_folder(folder, name, few)
+    if folder is not None:
+        draw_folder(folder, name)
+        return
+    with get_ready() as makers:
+        for place, stem, *few in _orders():
+            if few:
+                draw_folder(Path(place), stem, few[0], makers)
+                return
+            makers.draw_early(Path(place), stem)
 
 
 if __name__ == "__main__":

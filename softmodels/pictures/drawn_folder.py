@@ -30,11 +30,15 @@ class DrawnFolder:
 
     def save(self, name: str, figure: Figure, metadata: Mapping[str, str] | None = None) -> None:
         """Write a figure as NAME.png, with texts in its header."""
-        write_bytes(self.path / f"{name}.png", png(figure, metadata or {}))
+        self.add(name, png(figure, metadata))
+
+    def add(self, name: str, picture: bytes) -> None:
+        """Write a picture as NAME.png."""
+        write_bytes(self.path / f"{name}.png", picture)
         self.written.append(self.path / f"{name}.png")
 
 
-def png(figure: Figure, texts: Mapping[str, str]) -> bytes:
+def png(figure: Figure, texts: Mapping[str, str] | None = None) -> bytes:
     """A figure as a PNG without transparency, which its pages do not have: in half the time, and no larger.
 
     Args:
@@ -44,7 +48,7 @@ def png(figure: Figure, texts: Mapping[str, str]) -> bytes:
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     header = PngInfo()
-    for key, text in {"Software": "softmodels", **texts}.items():
+    for key, text in {"Software": "softmodels", **(texts or {})}.items():
         header.add_itxt(key, text)
     stream = io.BytesIO()
     page = Picture.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])

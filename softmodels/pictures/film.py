@@ -29,6 +29,8 @@ FEWER = (40, 32, 25, 19, 14, 10)
 """Frames that are tried until the GIF is small enough: rather fewer of them than colours in bands."""
 WIDE = 960
 """Width of a frame in pixels."""
+SAMPLE = 4
+"""Frames that tell how large one is in a GIF."""
 LARGEST = 6_000_000
 """Of a GIF, in bytes."""
 QUALITY = 80
@@ -88,12 +90,21 @@ def gif(images: list[Image]) -> bytes:
     # One palette for all, from all: colours then do not flicker.
     sample = np.concatenate([image[::4, ::4] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
     palette = Picture.fromarray(sample).quantize(256, Picture.Quantize.MAXCOVERAGE)
-    pages = [
-        Picture.fromarray(image).quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG) for image in images
-    ]
-    for count in FEWER:
-        places = np.linspace(0, len(pages) - 1, min(count, len(pages))).round().astype(int)
-        data = _gif([pages[k] for k in np.unique(places)])
+    pages: dict[int, Picture.Image] = {}
+
+    def encoded(count: int) -> bytes:
+        places = np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int)).tolist()
+        for k in places:
+            if k not in pages:
+                page = Picture.fromarray(images[k])
+                pages[k] = page.quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG)
+        return _gif([pages[k] for k in places])
+
+    # A few tell how large a frame is, which spares encoding all of them again and again.
+    each = len(encoded(SAMPLE)) / min(SAMPLE, len(images))
+    begin = next((k for k, count in enumerate(FEWER) if each * min(count, len(images)) <= LARGEST), len(FEWER) - 1)
+    for count in FEWER[begin:]:
+        data = encoded(count)
         if len(data) <= LARGEST:
             break
     return data
@@ -117,7 +128,7 @@ def webp(images: list[Image]) -> bytes:
         duration=_times(pages),
         loop=0,
         quality=QUALITY,
-        method=2,
+        method=0,  # 2 takes half as long again for a fifth less
     )
     return stream.getvalue()
 

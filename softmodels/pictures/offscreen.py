@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Literal, TypedDict
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image as Picture
 
+from softmodels.pictures.lighting import add_lights, shade
 from softmodels.pictures.style import DPI, WIDTH
 from softmodels.results.triangles import Array, Cells
 
@@ -193,8 +195,7 @@ def _plotter(multisampled: bool, process: int) -> Plotter:
 
     plotter = pyvista.Plotter(off_screen=True, lighting="none")
     plotter.set_background("white")
-    plotter.add_light(pyvista.Light(light_type="headlight", intensity=0.5))
-    plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.4, 1.0, 0.3), intensity=0.35))
+    add_lights(plotter)
     plotter.camera.parallel_projection = True
     if multisampled:
         plotter.enable_anti_aliasing("msaa", multi_samples=SAMPLES)
@@ -230,12 +231,12 @@ def studio(camera: Camera, draft: bool = False) -> Iterator[Shoot]:
                 )
             else:
                 shaded: Style = {"ambient": 0.5, **style}
-                plotter.add_mesh(data, show_scalar_bar=False, render=False, reset_camera=False, **shaded)
+                shade(plotter.add_mesh(data, show_scalar_bar=False, render=False, reset_camera=False, **shaded))
         plotter.renderer.ResetCameraClippingRange()
         if not draft:
             return rendered(0.0)
-        one, other = rendered(0.25), rendered(-0.25)
-        return (one >> 1) + (other >> 1) + (one & other & 1)
+        one, other = (Picture.fromarray(rendered(shift)) for shift in (0.25, -0.25))
+        return np.asarray(Picture.blend(one, other, 0.5))
 
     def rendered(shift: float) -> Image:
         """What the window shows, moved by a part of a pixel to the right and upwards."""

@@ -14,7 +14,7 @@ from softmodels.pictures.cut_open import best_plane, cut_open
 from softmodels.pictures.hot_spots import hot_layers, hot_limit, hot_title, peak_place, peak_text
 from softmodels.pictures.offscreen import Camera, Image, Style, lines, ring, studio, surface
 from softmodels.pictures.style import DPI, EDGE, FAINT, INK, SOLID, WIDTH, headline, load, number, wrapped
-from softmodels.pictures.viewpoint import Look, towards_slice
+from softmodels.pictures.viewpoint import SOLID_STYLE, Look, towards_slice
 from softmodels.results.row import Row
 from softmodels.results.state_words import StateWords
 from softmodels.results.triangles import Array, edge_curves, outer_faces
@@ -51,7 +51,7 @@ def mesh(look: Look) -> Figure:
     with studio(camera) as shoot:
         solid = surface(points, skin.triangles, skin.normals(points))
         edges = lines(curves.reshape(-1, 3), pairs)
-        image = shoot([(solid, {"color": SOLID, "smooth_shading": True}), (edges, {"color": EDGE, "line_width": 1.5})])
+        image = shoot([(solid, {**SOLID_STYLE, "color": SOLID}), (edges, {"color": EDGE, "line_width": 1.5})])
     return page(image, f"Undeformed {_slice_name(states.actuator)}, {len(states.cells)} cells")
 
 
@@ -69,7 +69,7 @@ def slice_stress(look: Look) -> Figure:
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
     values = scale.share(states.field(step, scale.field))[skin.nodes]
     edges = np.concatenate([skin.edges, skin.rims])
-    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
+    style: Style = {**SOLID_STYLE, "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
     camera = Camera.around([rest, moved], towards_slice(states), look.up)
     with studio(camera) as shoot:
         image = shoot(
@@ -101,7 +101,7 @@ def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
     with studio(camera) as shoot:
         image = shoot(
             [
-                (surface(moved, skin.triangles, skin.normals(moved)), {"color": SOLID, "smooth_shading": True}),
+                (surface(moved, skin.triangles, skin.normals(moved)), {**SOLID_STYLE, "color": SOLID}),
                 (lines(moved, edges), {"color": INK, "line_width": 2.0}),
                 (lines(before, edges), {"color": FAINT, "line_width": 1.5}),
             ]

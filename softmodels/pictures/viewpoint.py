@@ -17,6 +17,8 @@ from softmodels.results.skin import CUT, OUTSIDE
 from softmodels.results.stored import States
 from softmodels.results.triangles import Array
 
+SOLID_STYLE: Style = {"smooth_shading": True, "culling": "back"}
+"""Of a solid's closed surface: of what faces away nothing is ever seen."""
 BESIDE = 0.5
 """How far beside a device rigid shapes are in the picture, in sizes of the device."""
 
@@ -119,7 +121,7 @@ class Look:
         values = np.tile(scale.share(states.between(step, scale.field))[skin.nodes], len(self.kept))
         shown = skin.device(moved, self.kept)
         data = surface(shown, self.visible, skin.device(skin.normals(moved), self.kept), values)
-        style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
+        style: Style = {**SOLID_STYLE, "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
         pairs = skin.device_lines(skin.edges, self.kept)
         if self.opened:
             pairs = np.concatenate([pairs, self.open_rims])

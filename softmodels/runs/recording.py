@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from softmodels.case.case import Case
@@ -24,7 +24,13 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def record(simulation: Simulation, results: Results, resumed: bool, branch: bool) -> None:
+def record(
+    simulation: Simulation,
+    results: Results,
+    resumed: bool,
+    branch: bool,
+    begun: Callable[[Results], None] | None = None,
+) -> None:
     """Solve a case and store every state at once; all ranks call it.
 
     Args:
@@ -32,6 +38,7 @@ def record(simulation: Simulation, results: Results, resumed: bool, branch: bool
         results: Its folder, prepared by `softmodels.runs.folder.begin`; rank 0 alone writes there.
         resumed: Go on from the states that are there.
         branch: Follow the branch at the first bifurcation too, into a folder of its own.
+        begun: Called on rank 0 as soon as the folder holds a state of this run.
 
     Raises:
         PathEnded: See `Simulation.steps`.
@@ -47,12 +54,12 @@ def record(simulation: Simulation, results: Results, resumed: bool, branch: bool
     if resumed:
         on_root(comm, lambda: results.check_grid(simulation.fields.grid.points))
     simulation.describe()
-    begun = _begun(simulation, results) if resumed else FROM_REST
+    start = _begun(simulation, results) if resumed else FROM_REST
     if not resumed:
         _begin(simulation, results)
     ended: PathEnded | None = None
     try:
-        _store(simulation.steps(begun), results, comm)
+        _store(simulation.steps(start), results, comm, begun)
     except PathEnded as end:
         if case.program:
             raise
@@ -68,12 +75,16 @@ def _begin(simulation: Simulation, results: Results) -> None:
     on_root(simulation.comm, lambda: results.begin(grid.points, grid.cells, grid.cell_name))
 
 
-def _store(steps: Iterable[Step], results: Results, comm: MPI.Comm) -> None:
-    for step in steps:
+def _store(
+    steps: Iterable[Step], results: Results, comm: MPI.Comm, begun: Callable[[Results], None] | None = None
+) -> None:
+    for number, step in enumerate(steps):
 
-        def add(step: Step = step) -> None:
+        def add(step: Step = step, first: bool = number == 0) -> None:
             assert step.fields is not None
             results.add(step.row, step.fields, step.restart)
+            if first and begun is not None:
+                begun(results)
 
         on_root(comm, add)
 

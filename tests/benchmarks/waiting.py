@@ -7,9 +7,9 @@ Both trees need an environment of their own (``.venv``). Each command is run onc
 CPU seconds are of the command and its processes together, and tell the same on a busy machine; what overlaps on two cores
 shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes one of the commands.
 
-Against ee3d6d7, before and after, medians of three on an idle machine: section 1.57 and 0.78 s (2.08 times), the wedge with
-all its pictures 19.3 and 10.4 s (1.85 times), of which drawing after the last state takes 4.5; help, CPU seconds, 1.00 and
-0.21 (4.2 times).
+Against ee3d6d7, before and after, medians of three on an idle machine: section 1.57 and 0.78 s (2.08 times); help, CPU
+seconds, 1.00 and 0.21 (4.2 times). On another, slower one the wedge with all its pictures 25.2 and 10.9 s (2.35 times), of
+which drawing after the last state takes 4.
 """
 
 from __future__ import annotations
