@@ -7,12 +7,10 @@ first and need no rendering; a machine that cannot render still gets them, and t
 from __future__ import annotations
 
 import contextlib
-import json
-import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 import matplotlib
@@ -32,7 +30,7 @@ from softmodels.pictures import (
     solid_pictures,
 )
 from softmodels.pictures.drawn_folder import DrawnFolder
-from softmodels.pictures.makers import Makers
+from softmodels.pictures.makers import Makers, orders
 from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.rigid_bodies import draw_outlines
 from softmodels.pictures.style import STYLE, headline
@@ -281,15 +279,6 @@ def get_ready() -> Makers:
     return Makers(True, can_render())
 
 
-def _orders() -> Iterator[list[Any]]:
-    """Orders from standard input, each a list in JSON on a line: of those that have come meanwhile the last."""
-    left = b""
-    while data := os.read(0, 1 << 16):
-        *whole, left = (left + data).split(b"\n")
-        if whole:
-            yield json.loads(whole[-1])
-
-
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
 @click.option("--name", help="Stem of the result files.  [default: the case's name]")
@@ -306,7 +295,7 @@ def main(folder: Path | None, name: str | None) -> None:
         draw_folder(folder, name)
         return
     with get_ready() as makers:
-        for place, stem, *few in _orders():
+        for place, stem, *few in orders():
             if few:
                 draw_folder(Path(place), stem, few[0], makers)
                 return

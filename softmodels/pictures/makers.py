@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import os
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from softmodels.pictures.at_rest import AtRest
 from softmodels.pictures.film_beside import Film
@@ -39,3 +43,12 @@ class Makers:
         if self.rest.rendered:
             self.film.rehearse(folder, name)
         self.rest.draw_early(folder, name)
+
+
+def orders() -> Iterator[list[Any]]:
+    """Orders from standard input, each a list in JSON on a line: of those that have come meanwhile the last."""
+    left = b""
+    while data := os.read(0, 1 << 16):
+        *whole, left = (left + data).split(b"\n")
+        if whole:
+            yield json.loads(whole[-1])
