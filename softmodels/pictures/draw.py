@@ -6,7 +6,6 @@ first and need no rendering; a machine that cannot render still gets them, and t
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -30,7 +29,7 @@ from softmodels.pictures import (
     solid_pictures,
 )
 from softmodels.pictures.drawn_folder import DrawnFolder
-from softmodels.pictures.makers import Makers, orders
+from softmodels.pictures.makers import Makers, get_ready, orders
 from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.rigid_bodies import draw_outlines
 from softmodels.pictures.style import STYLE, headline
@@ -268,15 +267,6 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers
     except OSError as error:
         print(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", file=sys.stderr)
         sys.exit(2)
-
-
-def get_ready() -> Makers:
-    """Load what renders and see whether this machine can, before there is anything to draw."""
-    import pyvista.plotting  # noqa: F401
-
-    with contextlib.suppress(OwnModuleError):  # reported when something is drawn
-        import_own_modules()
-    return Makers(True, can_render())
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})

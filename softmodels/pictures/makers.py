@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Iterator
@@ -9,8 +10,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.pictures.at_rest import AtRest
 from softmodels.pictures.film_beside import Film
+from softmodels.pictures.offscreen import can_render
 
 
 class Makers:
@@ -52,3 +55,12 @@ def orders() -> Iterator[list[Any]]:
         *whole, left = (left + data).split(b"\n")
         if whole:
             yield json.loads(whole[-1])
+
+
+def get_ready() -> Makers:
+    """Load what renders and see whether this machine can, before there is anything to draw."""
+    import pyvista.plotting  # noqa: F401
+
+    with contextlib.suppress(OwnModuleError):  # reported when something is drawn
+        import_own_modules()
+    return Makers(True, can_render())
