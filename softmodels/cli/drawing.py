@@ -82,17 +82,17 @@ class Drawing:
                 self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:
-        return start_drawing(self.case, "softmodels.pictures.draw")
+        return start_drawing(self.case, "softmodels.pictures.draw", *(["--few"] if self.few else []))
 
     def begin(self, results: Results) -> None:
         """Draw what the first state shows, if the process has been started; called when that state is in the folder."""
         if self._process is not None and not self.few:
-            self._order(results)
+            self._order(results, complete=False)
 
-    def _order(self, results: Results, *more: object) -> None:
+    def _order(self, results: Results, complete: bool) -> None:
         assert self._process is not None and self._process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # it has died, which is reported at the end
-            self._process.stdin.write(json.dumps([str(results.folder.absolute()), results.name, *more]) + "\n")
+            self._process.stdin.write(json.dumps([str(results.folder.absolute()), results.name, complete]) + "\n")
             self._process.stdin.flush()
 
     def draw(self, results: Results) -> float | None:
@@ -103,7 +103,7 @@ class Drawing:
         """
         begun = time.monotonic()
         process = self._process = self._process or self._started()
-        self._order(results, self.few)
+        self._order(results, complete=True)
         out, errors = process.communicate()
         if process.returncode == 0:
             print(errors, end="", file=sys.stderr)  # such as that this machine cannot render

@@ -272,22 +272,23 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
 @click.option("--name", help="Stem of the result files.  [default: the case's name]")
-def main(folder: Path | None, name: str | None) -> None:
+@click.option("--few", is_flag=True, help="Draw the curves, the stress and the report alone.")
+def main(folder: Path | None, name: str | None, few: bool) -> None:
     """Draw the pictures, the film and the report of the results in FOLDER.
 
-    Without FOLDER: get ready, then read orders from standard input, each a list in JSON on a line: a folder and the results'
-    name, once the first state is there, to draw what it shows; and then both with whether to draw few, to draw all. Nothing
-    is drawn if the input ends first. A run starts it so beside itself.
+    Without FOLDER: get ready, then read orders from standard input, each a list in JSON on a line: a folder, the results'
+    name, and whether they are complete. Before that, what the first state shows is drawn aside. Nothing is drawn if the
+    input ends first. A run starts it so beside itself.
 
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
     if folder is not None:
-        draw_folder(folder, name)
+        draw_folder(folder, name, few)
         return
-    with get_ready() as makers:
-        for place, stem, *few in orders():
-            if few:
-                draw_folder(Path(place), stem, few[0], makers)
+    with get_ready(not few) as makers:
+        for place, stem, complete in orders():
+            if complete:
+                draw_folder(Path(place), stem, few, makers)
                 return
             makers.draw_early(Path(place), stem)
 

@@ -119,7 +119,7 @@ def make(shown: Look, folder: Path, wanted: Callable[[], bool] = lambda: True) -
 
 def _answer_to(pipe: Connection, others: Connection) -> None:
     """Rehearse and make films as told, until nobody tells any more."""
-    others.close()  # a copy of the other process's end, without which the end of that process is noticed
+    others.close()  # open here too, it would keep the pipe open when the process that holds it ends
     asked_by = os.getppid()
     while True:
         try:

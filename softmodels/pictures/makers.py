@@ -57,10 +57,10 @@ def orders() -> Iterator[list[Any]]:
             yield json.loads(whole[-1])
 
 
-def get_ready() -> Makers:
-    """Load what renders and see whether this machine can, before there is anything to draw."""
+def get_ready(beside: bool) -> Makers:
+    """Load what renders and see whether this machine can, before there is anything to draw; ``beside`` as of `Makers`."""
     import pyvista.plotting  # noqa: F401
 
     with contextlib.suppress(OwnModuleError):  # reported when something is drawn
         import_own_modules()
-    return Makers(True, can_render())
+    return Makers(beside, can_render())

@@ -183,9 +183,9 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_is_drawn_after_it(wedge, draw
     process = subprocess.Popen(
         [sys.executable, "-m", "softmodels.pictures.draw"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
-    process.stdin.write(json.dumps([str(early), "disk"]) + "\n")
+    process.stdin.write(json.dumps([str(early), "disk", False]) + "\n")
     process.stdin.flush()
-    out, _ = process.communicate(json.dumps([str(early), "disk", False]) + "\n", timeout=240)
+    out, _ = process.communicate(json.dumps([str(early), "disk", True]) + "\n", timeout=240)
     assert process.returncode == 0 and "undeformed.png" in out
     assert drawings.command(late).returncode == 0
     stills = sorted(file.name for file in late.glob("*.png"))
