@@ -23,9 +23,6 @@ OPPOSED = -0.3
 BESIDE = 0.7
 """Largest distance along the wall, in sizes of the facets, of two that lie opposite each other."""
 
-FEW = 400
-"""Facets up to which all pairs are looked at, as of a section: loading SciPy's tree takes longer than that."""
-
 THROUGH = 5e-3
 """How far through a cut plane a wall has to be, in sizes of the mesh; walls that a plane stops sink in by less."""
 
@@ -124,12 +121,26 @@ def _at(places: Array, others: Array, reach: float) -> npt.NDArray[np.bool_]:
 
 
 def _near(places: Array, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once."""
-    if len(places) > FEW:
-        import scipy
+    """Pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once.
 
-        i, j = scipy.spatial.cKDTree(places).query_pairs(reach, output_type="ndarray").T
-        return i, j
-    i, j = np.triu_indices(len(places), 1)
-    near = ((places[i] - places[j]) ** 2).sum(axis=1) <= reach**2
-    return i[near], j[near]
+    Places are sorted into boxes as wide as the reach, and looked for in a box and in half of those around it. SciPy's tree does
+    the same, but takes longer to load than a wedge's path needs for a state.
+    """
+    box = np.floor((places - places.min(axis=0)) / reach).astype(np.int64) + 1
+    strides = np.append(np.cumprod((box.max(axis=0) + 2)[:0:-1])[::-1], 1)
+    key = box @ strides
+    order = np.argsort(key, kind="stable")
+    ordered = key[order]
+    around = np.stack(np.meshgrid(*[(-1, 0, 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) @ strides
+    pairs = []
+    for step in np.unique(around[around >= 0]):
+        first, last = (np.searchsorted(ordered, ordered + step, side=side) for side in ("left", "right"))
+        first = np.arange(1, len(key) + 1) if step == 0 else first
+        count = last - first
+        i = np.repeat(np.arange(len(key)), count)
+        j = np.arange(len(i)) - np.repeat(np.cumsum(count) - count - first, count)
+        i, j = order[i], order[j]
+        near = ((places[i] - places[j]) ** 2).sum(axis=1) <= reach**2
+        pairs.append((i[near], j[near]))
+    i, j = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    return i, j

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy
 
 from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
@@ -12,7 +13,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.mechanics.walls.part import Walls as Pressing
 from softmodels.results.fields import Fields
-from softmodels.results.self_contact import Walls
+from softmodels.results.self_contact import Walls, _near
 
 DISKS = {
     "wedge": HollowDisk(cell_size=0.004, refinement=1.0),
@@ -87,3 +88,19 @@ def test_a_run_knows_which_walls_press(comm, tmp_path):
     body = Body.from_file(disk, disk.write(tmp_path / "disk.msh"), comm)
     walls = Fields(Solver(System(body, NeoHookean(30e3, 0.49), parts=[Pressing("cavity")]))).walls
     assert walls.resisted.shape[0] == 1 and walls.resisted.sum() == len(body.entities["cavity"][1])
+
+
+@pytest.mark.parametrize("count", [2, 300, 4000])
+@pytest.mark.parametrize("flat", [False, True])
+def test_near_pairs_are_those_of_a_tree(count, flat):
+    places = np.random.default_rng(count).random((count, 3)) - 0.4
+    places[:, 1] *= not flat
+    reach = 1.7 if count == 2 else count ** (-1 / (2 if flat else 3))
+    pairs = np.sort(_near(places, reach), axis=0).T
+    expected = scipy.spatial.cKDTree(places).query_pairs(reach, output_type="ndarray")
+    assert len(expected) > count / 3
+    assert sorted(map(tuple, pairs)) == sorted(map(tuple, expected))
+
+
+def test_a_single_facet_is_near_none():
+    assert not any(len(side) for side in _near(np.zeros((1, 3)), 0.1))
