@@ -24,7 +24,7 @@ from softmodels.design.loads import VOLUME
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.sensitivity import Sensitivity
-from softmodels.mechanics.solver import Tangent
+from softmodels.mechanics.tangent import Tangent
 
 if TYPE_CHECKING:
     from dolfinx import fem

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from softmodels.design.bifurcations import Bifurcation
     from softmodels.design.loads import Load
     from softmodels.design.transfer import Transfer
-    from softmodels.mechanics.solver import Tangent
     from softmodels.mechanics.system import State
+    from softmodels.mechanics.tangent import Tangent
 
 Array = npt.NDArray[np.float64]
 

@@ -14,7 +14,8 @@ from softmodels.design.loads import PRESSURE, VOLUME, Load
 from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import QUICK, SLOW, Continuation, trace
-from softmodels.path.points import PathEnd, predict
+from softmodels.path.points import PathEnd
+from softmodels.path.prediction import predict
 from softmodels.path.quantities import AddedVolume
 
 if TYPE_CHECKING:

@@ -33,6 +33,8 @@ Array = npt.NDArray[np.float64]
 
 ITERATED = 1e-10
 """Tolerance of the solves that stand for back-substitutions."""
+ALIKE = 5e-2
+"""Change of the load of a unit pressure, in shares of it, up to which K^-1 times it is kept."""
 REFINED, MOST_REFINEMENTS = 1e-12, 5
 """What back-substitutions in single precision are refined to, in shares of the answer, if nothing else is asked for; and in how
 many steps at most."""
@@ -63,7 +65,7 @@ class Bordered:
         self.extra = self.scalars if owns_scalars(self.comm) else 0
         self.columns = [K.createVecRight() for _ in range(self.scalars)]
         self._lifted = [K.createVecRight() for _ in range(self.scalars)]
-        self._r, self._y = K.createVecRight(), K.createVecRight()
+        self._r, self._y, self._q_lifted = K.createVecRight(), K.createVecRight(), K.createVecRight()
         self.control = Control(0.0, 1.0, 0.0)
         self.row: PETSc.Vec | None = (
             None  # a force in q's place in the control's equation, where that is not of the volume
@@ -107,7 +109,7 @@ class Bordered:
         """Destroy what PETSc holds; see `Solver.release`."""
         self.inverse.release()
         of_all = (self._iterations, self._right, self._solution, self.mat)
-        for thing in (*of_all, *self.columns, *self._lifted, self._r, self._y):
+        for thing in (*of_all, *self.columns, *self._lifted, self._r, self._y, self._q_lifted):
             thing.destroy()
 
     def vector(self) -> PETSc.Vec:
@@ -133,7 +135,7 @@ class Bordered:
         """
         self.inverse.set_up()
         self.factorisations += 1
-        self.refresh()
+        self._lift(0)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = REFINED) -> None:
         """x = K^-1 b among the motions that keep the held volumes: with the factorisation at hand, or by iterations.
@@ -206,9 +208,20 @@ class Bordered:
         return self.inverse.negative_pivots() - int(np.count_nonzero(constrained < 0))
 
     def refresh(self) -> None:
-        """Take up new columns: K^-1 times each with the factorisation at hand, and the compliances between them."""
-        for column, lifted in zip(self.columns, self._lifted, strict=True):
+        """Take up new columns: K^-1 times each with the factorisation at hand, and the compliances between them.
+
+        The first column is a part of a preconditioner alone: where it has hardly changed, the answer to it is kept.
+        """
+        self.q.copy(self._y)
+        self._y.axpy(-1.0, self._q_lifted)
+        self._lift(0 if length(self._y) > ALIKE * length(self.q) else 1)
+
+    def _lift(self, first: int) -> None:
+        """K^-1 times the columns from the first one on, and the compliances between all."""
+        for column, lifted in zip(self.columns[first:], self._lifted[first:], strict=True):
             self.inverse.apply(column, lifted)
+        if first == 0:
+            self.q.copy(self._q_lifted)
         self.compliances = np.array([[column.dot(lifted) for lifted in self._lifted] for column in self.columns])
 
     # PETSc calls these: of the matrix, and of the preconditioner.

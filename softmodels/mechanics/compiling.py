@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from measurement.wording import Spoken
+from softmodels.mechanics.compiler_flags import compiler_flags
 from softmodels.mechanics.mpi import on_root
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-JIT = {"cffi_extra_compile_args": ["-O2", "-g0"]}
-"""How DOLFINx has the C compiler called: as Python's modules are, but not for debuggers, which takes longer than all else."""
+JIT = {"cffi_extra_compile_args": compiler_flags()}
+"""How DOLFINx has the C compiler called."""
 
 LONGEST = 180.0
 """Seconds after which nobody can still be compiling one module: a solid slice takes half a minute on a slow one."""

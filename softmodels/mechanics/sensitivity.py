@@ -27,8 +27,9 @@ from softmodels.mechanics.controls import Control
 from softmodels.mechanics.morphing import Reshaping
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.regions import MaterialRegion
-from softmodels.mechanics.solver import Solver, Tangent
+from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
+from softmodels.mechanics.tangent import Tangent
 
 Array = npt.NDArray[np.float64]
 

@@ -18,6 +18,7 @@ from softmodels.mechanics.methods import chosen
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.newton import LOOSEST, Newton, NoConvergence
 from softmodels.mechanics.system import State, System
+from softmodels.mechanics.tangent import Tangent
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -26,27 +27,8 @@ Array = npt.NDArray[np.float64]
 
 TANGENT_TOLERANCE = 1e-7
 """Of the linear solver for a path's direction, which decides how long steps are: at 1e-5 single precision's rounding shows."""
-ENERGY_TOLERANCE = 1e-3
+ENERGY_TOLERANCE = 1e-2
 """The same where the answer's work on its own load is asked for, whose error is the square of it."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Tangent:
-    """Direction of the path at a state: changes of w (shape as `State.w`), P and V; P rises where V does and dP > 0.
-
-    The compliance dV/dP is infinite at a limit point and negative past it.
-    """
-
-    w: Array
-    P: float
-    V: float
-
-    @property
-    def compliance(self) -> float:
-        return self.V / self.P if self.P else math.inf
-
-    def __neg__(self) -> Tangent:
-        return Tangent(-self.w, -self.P, -self.V)
 
 
 class Solver:
@@ -152,14 +134,22 @@ class Solver:
 
     # -- linear answers -----------------------------------------------------------------------------------------------
 
-    def tangent(self, state: State, control: Control, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
+    def tangent(
+        self, state: State, control: Control, tolerance: float = TANGENT_TOLERANCE, guess: Tangent | None = None
+    ) -> Tangent:
         """Direction of the path at a state, scaled to one unit of the control's line, to a relative tolerance.
+
+        Args:
+            state: The state.
+            control: The line.
+            tolerance: Of the linear solver, relative.
+            guess: Of the direction, in the same scale.
 
         Raises:
             NoConvergence: The linear solver did not get there (the line runs along the path, say).
         """
         self._border(state, control)
-        return self.linear_response(0.0, 1.0, tolerance)
+        return self.linear_response(0.0, 1.0, tolerance, guess)
 
     def tangent_along(self, state: State, force: PETSc.Vec, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
         """The same scaled to ``force . dw = 1``, as `solve_along` goes: regular where pressure and volume both turn back.
@@ -190,7 +180,9 @@ class Solver:
             self.kept.make(state)
         self.bordered.refresh()
 
-    def linear_response(self, force: Array | float, gap: float, tolerance: float) -> Tangent:
+    def linear_response(
+        self, force: Array | float, gap: float, tolerance: float, guess: Tangent | None = None
+    ) -> Tangent:
         """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line.
 
         `tangent` has to have been called at this state: it sets the border.
@@ -198,7 +190,8 @@ class Solver:
         Args:
             force: Owned entries, shape (n,), zero at held dofs; or 0.
             gap: Change of the line's left side.
-            tolerance: Of the linear solver, relative.
+            tolerance: Of the linear solver, relative to the force and the gap.
+            guess: Of the answer; its V is not read.
 
         Raises:
             NoConvergence: The linear solver did not get there.
@@ -208,7 +201,12 @@ class Solver:
         bordered.mat.assemble()
         ksp.setOperators(bordered.mat)
         ksp.setTolerances(rtol=tolerance)
+        if guess is not None:
+            body = self.system.unknowns.nearest(guess.w)
+            bordered.join(newton.x, body, [guess.P, *guess.w[self.system.dofs :]])
+        ksp.setInitialGuessNonzero(guess is not None)
         ksp.solve(newton.f, newton.x)
+        ksp.setInitialGuessNonzero(False)
         self.kept.count(ksp)
         if not ksp.is_converged:
             raise NoConvergence("the linear solver failed on the state's linear response")

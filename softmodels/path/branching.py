@@ -18,7 +18,8 @@ from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import LARGEST_GROWTH, Continuation
 from softmodels.path.modes import Mode
-from softmodels.path.points import PathEnd, Point, predict
+from softmodels.path.points import PathEnd, Point
+from softmodels.path.prediction import predict
 from softmodels.path.quantities import ArcLength
 
 AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)

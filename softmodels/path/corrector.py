@@ -8,9 +8,11 @@ from collections.abc import Callable, Sequence
 
 from softmodels.mechanics.controls import Control, Curve, volume_control
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver, Tangent
+from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver
 from softmodels.mechanics.system import State
-from softmodels.path.points import Point, predict
+from softmodels.mechanics.tangent import Tangent
+from softmodels.path.points import Point
+from softmodels.path.prediction import predict, predict_direction
 from softmodels.path.quantities import Plane, Quantity
 from softmodels.path.stability import Signature
 from softmodels.path.trail import Trail
@@ -47,7 +49,7 @@ class Corrector:
             line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
         else:
             line = Control(1 / self.plane.V_scale, 1.0, 0.0)
-        return self.solver.tangent(state, line, tolerance)
+        return self.solver.tangent(state, line, tolerance, predict_direction(self.trail.points, state, line))
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
         """The state on a line, guessed by the cubic through one or two points and their tangents.

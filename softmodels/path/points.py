@@ -1,19 +1,16 @@
-"""Points of a load path, and what two of them foretell of the next."""
+"""Points of a load path, and where it ends."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.causes import Cause
-from softmodels.mechanics.controls import Control, Curve, volume_control
-from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.solver import Tangent
+from softmodels.mechanics.controls import Control, volume_control
 from softmodels.mechanics.system import State
+from softmodels.mechanics.tangent import Tangent
 from softmodels.path.stability import Signature
 
 Array = npt.NDArray[np.float64]
@@ -84,16 +81,6 @@ class Point:
         return self.signature.negative_eigenvalues == int(rate * t.P < 0)
 
 
-class Foretelling(Protocol):
-    """A state of a path and the path's direction there."""
-
-    @property
-    def state(self) -> State: ...
-
-    @property
-    def tangent(self) -> Tangent: ...
-
-
 class PathEnd(Exception):
     """The path cannot go on to what was requested.
 
@@ -111,36 +98,3 @@ class PathEnd(Exception):
     def physical(self) -> bool:
         """Whether the device has no state of rest beyond it, and it is not the method that has lost it."""
         return self.limit is not None or self.cause is not None
-
-
-def predict(points: Sequence[Foretelling], line: Curve) -> tuple[Array, float]:
-    """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
-
-    The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.
-    """
-    d, w, P, dw, dP, rates = [], [], [], [], [], []
-    for point in points:
-        s, t = point.state, point.tangent
-        a, b = line.slopes(s.V, s.P)
-        rate = a * t.V + b * t.P
-        rates.append(rate)
-        if rate == 0.0:
-            raise NoConvergence("the path runs along the control's line")
-        d.append(line.value(s.V, s.P))
-        w.append(s.w)
-        P.append(s.P)
-        dw.append(t.w / rate)
-        dP.append(t.P / rate)
-    rates_agree = len(points) == 2 and rates[0] * rates[1] > 0
-    h = d[-1] - d[0]
-    if not rates_agree or h == 0.0 or abs(line.target - d[-1]) > 3 * abs(h):
-        ahead = line.target - d[-1]
-        return w[-1] + ahead * dw[-1], P[-1] + ahead * dP[-1]
-    x = (line.target - d[0]) / h
-    a, b = (1 + 2 * x) * (1 - x) ** 2, h * x * (1 - x) ** 2
-    c, e = x * x * (3 - 2 * x), h * x * x * (x - 1)
-
-    def cubic[T: (float, Array)](v: Sequence[T], r: Sequence[T]) -> T:
-        return a * v[0] + b * r[0] + c * v[1] + e * r[1]
-
-    return cubic(w, dw), float(cubic(P, dP))

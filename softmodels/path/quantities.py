@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 from softmodels.mechanics.controls import Control, Curve, arc_length, pressure_control, volume_control
 
 if TYPE_CHECKING:
-    from softmodels.mechanics.solver import Tangent
     from softmodels.mechanics.system import State
+    from softmodels.mechanics.tangent import Tangent
     from softmodels.path.points import Point
 
 FIRST_STEP = 0.1

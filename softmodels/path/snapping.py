@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from softmodels.mechanics.causes import Cause
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.solver import Tangent
 from softmodels.mechanics.system import State
+from softmodels.mechanics.tangent import Tangent
 from softmodels.path.corrector import Corrector, Emptied
 from softmodels.path.ends import EMPTIED, LOCKED, SNAPPED
 from softmodels.path.modes import Mode

@@ -26,9 +26,9 @@ BLOCK = 4
 MOST_CORRECTIONS, CLOSE = 6, 5e-3
 """Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
 error is about its square. A mode that does not get there in as many has the point factorised."""
-EIGENVALUE, CORRECTION = 1e-10, 1e-6
-"""What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer: for the lowest
-eigenvalue where K was factorised, and for corrections of its mode."""
+EIGENVALUE = 1e-10
+"""What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer, for the lowest
+eigenvalue where K was factorised. Corrections of its mode elsewhere do without: they need not be near K^-1 of anything."""
 LOWEST, OTHERS, LOCATED = 1e-3, 5e-2, 1e-5
 """Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
 of all where a bifurcation is located."""
@@ -135,7 +135,7 @@ class Factorised(Spectrum):
             residual, correction = M.createVecLeft(), M.createVecRight()
             residual.maxpy(shares, products)
             residual.maxpy([-value * share for share in shares], images)
-            self.solver.bordered.solve(residual, correction, CORRECTION)
+            self.solver.bordered.solve_roughly(residual, correction)
             M.mult(correction, residual)
             size = max(correction.dot(residual), 0.0) ** 0.5
             if size <= CLOSE:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from softmodels.mechanics.solver import Solver, Tangent
+from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
+from softmodels.mechanics.tangent import Tangent
 from softmodels.path.modes import Mode
 from softmodels.path.points import Point
 from softmodels.path.stability import Stability

@@ -14,8 +14,9 @@ from softmodels.case.gauges import NONE, Gauges, followed_text
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import PartError
-from softmodels.mechanics.solver import Solver, Tangent
+from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
+from softmodels.mechanics.tangent import Tangent
 from softmodels.mechanics.walls.part import WallTerm
 from softmodels.results.figures import Figures
 from softmodels.results.followed import Followed, followed_points

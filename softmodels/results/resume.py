@@ -141,7 +141,7 @@ def stored_point(
     results: Stored, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
 ) -> Point:
     """The point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
-    from softmodels.mechanics.solver import Tangent
+    from softmodels.mechanics.tangent import Tangent
     from softmodels.path.points import Point
     from softmodels.path.stability import Signature
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.solver import Tangent
 from softmodels.mechanics.system import State
+from softmodels.mechanics.tangent import Tangent
 from softmodels.results.state_values import Sampling
 
 Array = npt.NDArray[np.float64]

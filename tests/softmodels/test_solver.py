@@ -36,3 +36,25 @@ def test_a_guess_that_is_the_state_has_its_tangent(solvers):
     one, other = first.tangent(found, line, 1e-10), second.tangent(again, line, 1e-10)
     assert np.allclose(other.w, one.w, rtol=0.0, atol=1e-8 * np.abs(one.w).max())
     assert np.allclose([other.P, other.V], [one.P, 1.0], rtol=1e-8)
+
+
+def test_the_answer_to_a_load_that_has_hardly_changed_is_kept(solvers):
+    first, second = solvers
+    rest = first.system.rest()
+    asked = []
+    for solver, share in ((first, 1.001), (second, 1.3)):
+        solver.factorise(rest)
+        state = solver.solve(volume_control(share * rest.V), rest.w, 0.0)
+        solver.factorise(rest)
+        applied, apply = [], solver.bordered.inverse.apply
+        solver.bordered.inverse.apply = lambda b, x, applied=applied, apply=apply: (applied.append(1), apply(b, x))
+        solver.system.load(state)
+        solver.kept.set_columns()
+        solver.bordered.refresh()
+        asked.append(len(applied))
+        tangent = solver.tangent(state, volume_control(state.V), 1e-10)
+        solver.factorise(state)
+        exact = solver.tangent(state, volume_control(state.V), 1e-10)
+        assert np.allclose(tangent.w, exact.w, rtol=0.0, atol=1e-7 * np.abs(exact.w).max())
+        assert pytest.approx(exact.P, rel=1e-7) == tangent.P
+    assert asked == [0, 1]
