@@ -29,7 +29,7 @@ from softmodels.pictures import (
     solid_pictures,
 )
 from softmodels.pictures.drawn_folder import DrawnFolder
-from softmodels.pictures.makers import Makers, get_ready, orders
+from softmodels.pictures.makers import Makers, get_ready, leave, orders
 from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.rigid_bodies import draw_outlines
 from softmodels.pictures.style import STYLE, headline
@@ -85,11 +85,11 @@ def draw(
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
-        out = DrawnFolder(folder)
-        if few:
-            written = _draw_few(states, out, name, say)
-        else:
-            written = _draw(states, out, name, say, makers or Makers(beside, can_render()))
+        with DrawnFolder(folder, report.shrunk) as out:
+            if few:
+                written = _draw_few(states, out, name, say)
+            else:
+                written = _draw(states, out, name, say, makers or Makers(beside, can_render()))
         own.forget_unwritten()
         return written
     finally:
@@ -112,15 +112,15 @@ def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], obje
             _solids(shown, out)
             _stress(shown, out)
             out.save("cut", solid_pictures.cut(shown))
-            ready = report.embedded(out.path, {})  # while the film is being made
+            page = report.Report(shown, out.path, name)  # while the film is being made
             written, left_out = makers.film.made()
             out.written += written
             for text in left_out:
                 say(text)
         else:
-            ready = {}
+            page = report.Report(shown, out.path, name)
             say(NO_RENDERING)
-        out.written.append(report.write(shown, out.path, name, ready))
+        out.written.append(page.write(out.pages()))
     return out.written
 
 
@@ -135,7 +135,7 @@ def _draw_few(states: States, out: DrawnFolder, name: str, say: Callable[[str], 
             _stress(shown, out)
         else:
             say(NO_RENDERING)
-        out.written.append(report.write(shown, out.path, name))
+        out.written.append(report.Report(shown, out.path, name).write(out.pages()))
     return out.written
 
 
@@ -294,4 +294,7 @@ def main(folder: Path | None, name: str | None, few: bool) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except SystemExit as end:
+        leave(end.code)

@@ -41,8 +41,8 @@ def draw(folder: Path) -> list[Path]:
     except (OSError, ValueError):
         raise ResultsError(f"{folder} holds no design (design.json)") from None
     before, after = (_states(folder / name) for name in ("before", "after"))
-    out, actuator = DrawnFolder(folder), before.actuator
-    with matplotlib.rc_context(STYLE):
+    actuator = before.actuator
+    with DrawnFolder(folder) as out, matplotlib.rc_context(STYLE):
         out.save("paths", design_curves.paths(before.rows, after.rows, actuator.gauge, before.case.cm))
         out.save("history", design_curves.history(told))
         out.save("parameters", design_curves.parameters(told["parameters"]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -55,6 +56,17 @@ def orders() -> Iterator[list[Any]]:
         *whole, left = (left + data).split(b"\n")
         if whole:
             yield json.loads(whole[-1])
+
+
+def leave(status: object) -> None:
+    """End this process without taking apart what renders, which takes VTK and Python a tenth of all drawing.
+
+    Args:
+        status: As of ``SystemExit``.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status if isinstance(status, int) else int(status is not None))
 
 
 def get_ready(beside: bool) -> Makers:

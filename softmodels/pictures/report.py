@@ -49,43 +49,63 @@ ROUNDING = 1e-12
 REPORT = "report.html"
 
 
-def embedded(folder: Path, ready: Mapping[str, str]) -> dict[str, str]:
-    """A folder's pictures as the page holds them, by their names; those that are missing are left out.
-
-    Args:
-        folder: Where they are.
-        ready: Those that are known already.
-    """
-    return {file: ready.get(file) or _source(folder / file) for file in CAPTIONS if (folder / file).exists()}
-
-
-def write(look: Look, folder: Path, name: str, ready: Mapping[str, str] | None = None) -> Path:
+def write(look: Look, folder: Path, name: str) -> Path:
     """Write the report of a folder whose pictures are drawn already; those that are missing are left out.
 
     Args:
         look: The device.
         folder: Where its pictures are.
         name: Stem of the result files.
-        ready: What `embedded` has given for some of them.
 
     Returns:
         The file.
     """
-    states = look.states
-    told = summary(folder)
-    asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
-    terms = [(name, term(name, states.actuator, states.case.load.driver)) for name in states.rows[0]]
-    page = render(
-        "report.html", "softmodels.pictures", title=name, ending=ending(states, told),
-        warnings=told["notes"] if "notes" in told else notes_of(states.case, states.rows),
-        view=view(look), curves=_curves(states), contact=_contact(states),
-        requested=_lines(asked, states), every=_lines(states.rows, states),
-        pictures=[(source, CAPTIONS[file]) for file, source in embedded(folder, ready or {}).items()],
-        case=case_tables(states), notes=_notes(states), toml=states.case.to_toml(),
-        columns=[(name, meaning) for name, meaning in terms if meaning.text],
-    )  # fmt: skip
-    write_text(folder / REPORT, page)
-    return folder / REPORT
+    return Report(look, folder, name).write({})
+
+
+class Report:
+    """The report of a folder of results but for its pictures, which may still be in the making.
+
+    Args:
+        look: The device.
+        folder: Where its pictures are going to be.
+        name: Stem of the result files.
+    """
+
+    def __init__(self, look: Look, folder: Path, name: str):
+        self.folder = folder
+        states, told = look.states, summary(folder)
+        asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
+        terms = [(name, term(name, states.actuator, states.case.load.driver)) for name in states.rows[0]]
+        self._values: dict[str, object] = {
+            "title": name,
+            "ending": ending(states, told),
+            "warnings": told["notes"] if "notes" in told else notes_of(states.case, states.rows),
+            "view": view(look),
+            "curves": _curves(states),
+            "contact": _contact(states),
+            "requested": _lines(asked, states),
+            "every": _lines(states.rows, states),
+            "case": case_tables(states),
+            "notes": _notes(states),
+            "toml": states.case.to_toml(),
+            "columns": [(name, meaning) for name, meaning in terms if meaning.text],
+        }
+
+    def write(self, ready: Mapping[str, str]) -> Path:
+        """Write it with the pictures that are there.
+
+        Args:
+            ready: Some of them as `shrunk` makes them, by the names of their files.
+
+        Returns:
+            The file.
+        """
+        shown = [file for file in CAPTIONS if (self.folder / file).exists()]
+        pictures = [(ready.get(file) or _source(self.folder / file), CAPTIONS[file]) for file in shown]
+        page = render("report.html", "softmodels.pictures", pictures=pictures, **self._values)
+        write_text(self.folder / REPORT, page)
+        return self.folder / REPORT
 
 
 def summary(folder: Path) -> dict[str, object]:
@@ -173,15 +193,20 @@ def _shown(value: Cell) -> str:
 
 
 def _source(path: Path) -> str:
-    """A picture for the page, no wider than `WIDEST`."""
+    """A picture's file as the page holds it."""
     if path.suffix == ".webp":
         return image_uri(path)
     with Picture.open(path) as image:
-        small = image.convert("RGB")
-        if small.width > WIDEST:
-            small = small.resize((WIDEST, round(small.height * WIDEST / small.width)), Picture.Resampling.HAMMING)
-        stream = io.BytesIO()
-        small.save(stream, "WEBP", quality=88, method=2)  # 4 takes three times as long for a twentieth
+        return shrunk(image)
+
+
+def shrunk(image: Picture.Image) -> str:
+    """A picture as the page holds it, no wider than `WIDEST`."""
+    small = image.convert("RGB")
+    if small.width > WIDEST:
+        small = small.resize((WIDEST, round(small.height * WIDEST / small.width)), Picture.Resampling.HAMMING)
+    stream = io.BytesIO()
+    small.save(stream, "WEBP", quality=88, method=2)  # 4 takes three times as long for a twentieth
     return data_uri(stream.getvalue(), "image/webp")
 
 
