@@ -138,3 +138,16 @@ def test_a_gif_that_is_too_large_has_fewer_frames_in_the_same_colours(monkeypatc
     less = film.gif(frames)
     assert len(less) <= film.LARGEST
     assert opened(whole) == (30, opened(less)[1]) and opened(less)[0] == 25
+
+
+def test_what_changes_slowly_does_not_lag_in_the_film():
+    """Two shades of grey from one frame to the next beside a spot that moves: differences alone would leave the grey out."""
+    across = np.linspace(40.0, 120.0, 240)[None, :, None] * np.ones((160, 1, 3))
+    frames = [(across + 2 * k).astype(np.uint8) for k in range(30)]
+    for k, frame in enumerate(frames):
+        frame[60:90, 6 * k : 6 * k + 30] = 255
+    with Image.open(io.BytesIO(film.webp(frames))) as made:
+        assert made.n_frames == len(frames)
+        for k, frame in enumerate(frames):
+            made.seek(k)
+            assert np.abs(np.asarray(made.convert("RGB")).astype(float) - frame).mean() < 2.0, k
