@@ -44,12 +44,14 @@ class Corrector:
 
     def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
         """Direction at a state, kept pointing forward; measured square to the last direction, so regular at limits."""
-        if self.trail.points:
-            last = self.trail.last
-            line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
-        else:
-            line = Control(1 / self.plane.V_scale, 1.0, 0.0)
-        return self.solver.tangent(state, line, tolerance, predict_direction(self.trail.points, state, line))
+        if not self.trail.points:
+            return self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0), tolerance)
+        last = self.trail.last
+        line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
+        # Where nothing moves, a guess is the states' rounding errors, and the direction has to be without any.
+        locked = self.plane.locked(last.tangent.compliance)
+        guess = None if locked else predict_direction(self.trail.points, state, line)
+        return self.solver.tangent(state, line, tolerance, guess)
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
         """The state on a line, guessed by the cubic through one or two points and their tangents.

@@ -43,6 +43,10 @@ class Plane:
         """The size of a dV/dP, but not less than that of a device in which nothing moves: below lies rounding."""
         return max(abs(compliance), LOCKED_BELOW * self.V_scale)
 
+    def locked(self, compliance: float) -> bool:
+        """Whether a dV/dP is of a device in which nothing moves."""
+        return abs(compliance) <= LOCKED_BELOW * self.V_scale
+
     def stiffened(self, compliance: float) -> Plane:
         """The plane of a device as it is at its stiffest: of a flat membrane the scale of its rest says nothing any more.
 
