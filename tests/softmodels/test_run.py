@@ -35,7 +35,7 @@ def test_a_failed_mesher_is_a_sentence_and_status_1(monkeypatch, capsys, tmp_pat
 
 
 def test_a_solver_kept_from_converging_leaves_its_states(runs, tmp_path):
-    """One iteration of the linear solver is enough where the tangent was factorised close by, but not on a plane that stops it."""
+    """One iteration of the linear solver is enough where the tangent was factorised close by, not on a plane that stops it."""
     volumes = (
         "--variant",
         "shadow",
