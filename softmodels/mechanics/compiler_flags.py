@@ -16,7 +16,7 @@ ARITHMETIC = ["-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fa
 """Sums in any order. What is no number or infinite stays so: Newton's method is held against it."""
 PROCESSOR = Path("/proc/cpuinfo")
 """What Linux knows of the processors, one after the other; the first one's part is read."""
-FEATURES = ("flags", "Features")
+FEATURES = (b"flags", b"Features")
 """The line there that lists its instructions, on x86 and on ARM."""
 READ = 1 << 14
 
@@ -43,5 +43,4 @@ def _instructions(processor: Path) -> bytes:
             start = file.read(READ)
     except OSError:
         return b""
-    lines = (line for line in start.splitlines() if line.decode(errors="replace").startswith(FEATURES))
-    return next(lines, b"")
+    return next((line for line in start.splitlines() if line.startswith(FEATURES)), b"")

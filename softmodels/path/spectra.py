@@ -28,7 +28,7 @@ MOST_CORRECTIONS, CLOSE = 6, 5e-3
 error is about its square. A mode that does not get there in as many has the point factorised."""
 EIGENVALUE = 1e-10
 """What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer, for the lowest
-eigenvalue where K was factorised. Corrections of its mode elsewhere do without: they need not be near K^-1 of anything."""
+eigenvalue where K was factorised. Corrections of its mode elsewhere are not refined: they are directions to search in."""
 LOWEST, OTHERS, LOCATED = 1e-3, 5e-2, 1e-5
 """Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
 of all where a bifurcation is located."""

@@ -29,7 +29,7 @@ from softmodels.pictures import (
     solid_pictures,
 )
 from softmodels.pictures.drawn_folder import DrawnFolder
-from softmodels.pictures.makers import Makers, get_ready, leave, orders
+from softmodels.pictures.makers import Makers, get_ready, orders
 from softmodels.pictures.offscreen import can_render
 from softmodels.pictures.rigid_bodies import draw_outlines
 from softmodels.pictures.style import STYLE, headline
@@ -294,7 +294,4 @@ def main(folder: Path | None, name: str | None, few: bool) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except SystemExit as end:
-        leave(end.code)
+    main()

@@ -46,7 +46,7 @@ class DrawnFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._beside.shutdown(cancel_futures=error is not None)
+        self._beside.shutdown()  # what was drawn before an error is written too
         if error is None:
             self.pages()
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from measurement.ending import unswept
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.pictures.at_rest import AtRest
 from softmodels.pictures.film_beside import Film
@@ -58,21 +58,11 @@ def orders() -> Iterator[list[Any]]:
             yield json.loads(whole[-1])
 
 
-def leave(status: object) -> None:
-    """End this process without taking apart what renders, which takes VTK and Python a tenth of all drawing.
-
-    Args:
-        status: As of ``SystemExit``.
-    """
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(status if isinstance(status, int) else int(status is not None))
-
-
 def get_ready(beside: bool) -> Makers:
     """Load what renders and see whether this machine can, before there is anything to draw; ``beside`` as of `Makers`."""
-    import pyvista.plotting  # noqa: F401
+    with unswept():  # taking VTK apart at the end would be a tenth of all drawing
+        import pyvista.plotting  # noqa: F401
 
-    with contextlib.suppress(OwnModuleError):  # reported when something is drawn
-        import_own_modules()
+        with contextlib.suppress(OwnModuleError):  # reported when something is drawn
+            import_own_modules()
     return Makers(beside, can_render())

@@ -49,20 +49,6 @@ ROUNDING = 1e-12
 REPORT = "report.html"
 
 
-def write(look: Look, folder: Path, name: str) -> Path:
-    """Write the report of a folder whose pictures are drawn already; those that are missing are left out.
-
-    Args:
-        look: The device.
-        folder: Where its pictures are.
-        name: Stem of the result files.
-
-    Returns:
-        The file.
-    """
-    return Report(look, folder, name).write({})
-
-
 class Report:
     """The report of a folder of results but for its pictures, which may still be in the making.
 
