@@ -7,8 +7,8 @@ Both trees need an environment of their own (``.venv``). Each command is run onc
 CPU seconds are of the command and its processes together, and tell the same on a busy machine; what overlaps on two cores
 shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes one of the commands.
 
-Against ee3d6d7, before and after, medians of three on one machine: wedge with all its pictures 31.8 and 11.4 s (2.78 times), of
-which drawing after the last state takes 4; section 2.31 and 1.05 s (2.13 times). On another one help, CPU seconds, 1.00 and
+Against ee3d6d7, before and after, medians of three on one machine: wedge with all its pictures 25.7 and 10.0 s (2.65 times), of
+which drawing after the last state takes 4; section 1.96 and 0.96 s (2.03 times). On another one help, CPU seconds, 1.00 and
 0.21 (4.2 times).
 """
 
