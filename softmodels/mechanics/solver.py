@@ -13,6 +13,7 @@ from softmodels.mechanics.bordered import Bordered
 from softmodels.mechanics.callbacks import weakly
 from softmodels.mechanics.controls import Control, Curve, pressure_control
 from softmodels.mechanics.coupling import Coupling
+from softmodels.mechanics.earlier_answers import EarlierAnswers
 from softmodels.mechanics.kept_factorisation import KeptFactorisation
 from softmodels.mechanics.methods import chosen
 from softmodels.mechanics.mpi import total
@@ -61,6 +62,7 @@ class Solver:
         self._side = self.bordered.precondition(PETSc.KSP().create(system.comm), TANGENT_TOLERANCE)
         self.newton.snes.setFromOptions()
         self._y = system.K.createVecRight()
+        self._answers = EarlierAnswers(system.comm)
 
     def couple(self, coupling: Coupling, state: State, pressures: Array) -> State:
         """Couple the cavities in another way from a state on.
@@ -256,19 +258,26 @@ class Solver:
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
         bordered.control = pressure_control(0.0)
-        load = self.system.by_unknowns(load).copy()
-        bordered.join(newton.f, load, np.zeros(bordered.scalars))
+        pulled = self.system.by_unknowns(load).copy()
+        bordered.join(newton.f, pulled, np.zeros(bordered.scalars))
         bordered.mat.assemble()
         self._side.setOperators(bordered.mat)
         self._side.setTolerances(rtol=ENERGY_TOLERANCE)
+        place = self.system.unknowns.nearest(state.w)
+        guess = self._answers.guess(load, place)
+        if guess is not None:
+            newton.x.array_w[:] = guess
+        self._side.setInitialGuessNonzero(guess is not None)
         self._side.solve(newton.f, newton.x)
+        self._side.setInitialGuessNonzero(False)
         self._side.setTolerances(rtol=TANGENT_TOLERANCE)
         if not self._side.is_converged:
             return math.inf
+        self._answers.keep(place, newton.x.array_r)
         moved, _ = bordered.split(newton.x)
         # The work of what the solution x leaves of the load, r, on x itself: what is then missing is of second order in r.
         bordered.mat.mult(newton.x, newton.f)
-        left = 2.0 * load - bordered.split(newton.f)[0]
+        left = 2.0 * pulled - bordered.split(newton.f)[0]
         return total(self.system.comm, float(left @ moved))
 
     def release(self) -> None:

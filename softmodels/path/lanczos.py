@@ -21,16 +21,23 @@ from softmodels.mechanics.newton import NoConvergence
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
+    Solve = Callable[[PETSc.Vec, PETSc.Vec], None]
+
 TOLERANCE = 1e-7
 """Residual of K^-1 M x = nu x, in the norm of M and in shares of nu; the eigenvalue's error is about its square."""
 ROUNDING = 1e-12
 """Share of the largest nu below which one is zero: it belongs to the null space of M."""
 MOST_STEPS = 150
 """Back-substitutions after which an eigenvalue counts as not found."""
+SETTLED = 2e-9
+"""Change of an eigenvalue in half a step of inverse iteration, in shares of it, at which it is found. Its error is then
+r / (1 - r) of that, with r the ratio of the lowest eigenvalue to the next."""
+MOST_POLISHES = 3
+"""Such steps; where they would not be enough, Lanczos' method takes fewer."""
 
 
 def lowest(
-    solve: Callable[[PETSc.Vec, PETSc.Vec], None], M: PETSc.Mat, start: PETSc.Vec, negatives: int, count: int = 1
+    solve: Solve, M: PETSc.Mat, start: PETSc.Vec, negatives: int, count: int = 1, tolerance: float = TOLERANCE
 ) -> tuple[float, list[PETSc.Vec]]:
     """The lowest eigenvalue, its vector, and approximations of the next ones.
 
@@ -40,6 +47,7 @@ def lowest(
         start: PETSc vector with a part of every mode.
         negatives: Number of negative eigenvalues of K where M counts.
         count: How many vectors; fewer if fewer were found.
+        tolerance: Of the residual, as `TOLERANCE`.
 
     Returns:
         lambda, and vectors of length 1 in the norm of M, the one of lambda first.
@@ -75,7 +83,7 @@ def lowest(
             break
         if below == negatives:
             chosen = negatives - 1 if negatives else len(values) - 1
-            if length * abs(vectors[-1, chosen]) <= TOLERANCE * abs(values[chosen]):
+            if length * abs(vectors[-1, chosen]) <= tolerance * abs(values[chosen]):
                 others = [k for k in range(len(values) - 1, -1, -1) if k != chosen][: count - 1]
                 found = [M.createVecRight() for _ in (chosen, *others)]
                 for x, k in zip(found, (chosen, *others), strict=True):
@@ -83,6 +91,40 @@ def lowest(
                 return 1 / float(values[chosen]), found
         beside.append(length)
     raise NoConvergence(f"the lowest eigenvalue was not found in {len(basis)} steps")
+
+
+def polished(solve: Solve, M: PETSc.Mat, x: PETSc.Vec) -> float:
+    """The eigenvalue nearest zero from a good guess of its vector, by inverse iteration; ``x`` is made its vector.
+
+    Rayleigh's quotient of K^-1, before and after each step, is held against the other: its error is quadratic in the vector's.
+
+    Args:
+        solve: See `lowest`.
+        M: PETSc matrix.
+        x: The guess.
+
+    Raises:
+        NoConvergence: The guess was none.
+    """
+    y, image = M.createVecRight(), M.createVecLeft()
+    M.mult(x, image)
+    size, last = x.dot(image), 0.0
+    for left in reversed(range(MOST_POLISHES)):
+        solve(image, y)
+        along = y.dot(image)
+        M.mult(y, image)
+        before, value = size / along, along / y.dot(image)
+        change = abs(value / before - 1.0)
+        size = 1.0
+        y.copy(x)
+        for vector in (x, image):
+            vector.scale((along / value) ** -0.5)
+        if change <= SETTLED:
+            return float(value)
+        if last and not change * (change / last) ** left <= SETTLED:
+            break
+        last = change
+    raise NoConvergence("inverse iteration would take many steps to the lowest eigenvalue")
 
 
 def grown(square: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

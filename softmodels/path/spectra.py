@@ -15,7 +15,7 @@ from softmodels.mechanics.region_space import entries_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.davidson import Modes, Pencil, nearest
-from softmodels.path.lanczos import generalised, grown, lowest
+from softmodels.path.lanczos import generalised, grown, lowest, polished
 from softmodels.path.modes import ShiftInvert
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ error is about its square. A mode that does not get there in as many has the poi
 EIGENVALUE = 1e-10
 """What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer, for the lowest
 eigenvalue where K was factorised. Corrections of its mode elsewhere are not refined: they are directions to search in."""
+ROUGH = 1e-3
+"""Residual to which it is looked for in single precision alone, before it is refined."""
 LOWEST, OTHERS, LOCATED = 1e-3, 5e-2, 1e-5
 """Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
 of all where a bifurcation is located."""
@@ -101,10 +103,20 @@ class Factorised(Spectrum):
         return self.solver.bordered.negative_eigenvalues() - self.constraints
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
-        def solve(b: PETSc.Vec, x: PETSc.Vec) -> None:
-            self.solver.bordered.solve(b, x, EIGENVALUE)
+        bordered, negatives = self.solver.bordered, self.negative_eigenvalues
 
-        return lowest(solve, self.M, self.seed, self.negative_eigenvalues, BLOCK)
+        def solve(b: PETSc.Vec, x: PETSc.Vec) -> None:
+            bordered.solve(b, x, EIGENVALUE)
+
+        def solve_roughly(b: PETSc.Vec, x: PETSc.Vec) -> None:
+            bordered.solve_roughly(b, x)
+
+        # The lowest is the one nearest zero there, and inverse iteration leads from a rough search to it.
+        if bordered.inverse.rounded and not negatives:
+            with contextlib.suppress(NoConvergence):
+                _, found = lowest(solve_roughly, self.M, self.seed, 0, BLOCK, ROUGH)
+                return polished(solve, self.M, found[0]), found
+        return lowest(solve, self.M, self.seed, negatives, BLOCK)
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         """See `Spectrum.corrected`.

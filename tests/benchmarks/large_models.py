@@ -104,7 +104,7 @@ def run(folder: Path, angle: float, cell_mm: float, solver_name: str, one: bool)
     unknowns, begun = system.K.getSize()[0], time.perf_counter()
     busy = time.process_time()
     _, before = needed(comm, _now())
-    methods.LARGE = 0
+    methods.AMPLE = math.inf
     estimate = methods.chosen(system, solver_name).memory
     solver = Solver(system, solver_name)
     counted = Counted(solver.bordered)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy
+from petsc4py import PETSc
 
-from softmodels.path.lanczos import generalised
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path.lanczos import generalised, lowest, polished
 
 
 @pytest.mark.parametrize("size", [1, 2, 7])
@@ -18,3 +20,46 @@ def test_a_pair_of_matrices_has_the_values_of_another_library(size):
     assert values == pytest.approx(scipy.linalg.eigh(A, C, eigvals_only=True), rel=1e-12, abs=1e-12)
     assert np.allclose(A @ vectors, C @ vectors * values, atol=1e-12)
     assert np.allclose(vectors.T @ C @ vectors, np.eye(size), atol=1e-12)
+
+
+@pytest.fixture
+def pencil():
+    """K with known eigenvalues and vectors, M = 1, and K^-1 with a relative error in what it answers."""
+    chance = np.random.default_rng(3)
+    values = np.array([2.0, 6.1, 17.0, 20.0, 50.0, 90.0])
+    Q = np.linalg.qr(chance.normal(size=(6, 6)))[0]
+    noise = chance.normal(size=(6, 6))
+
+    def inverse(error):
+        rough = np.eye(6) + error * (noise + noise.T) / np.linalg.norm(noise + noise.T, 2)
+        A = Q @ np.diag(values**-0.5) @ rough @ np.diag(values**-0.5) @ Q.T
+
+        def solve(b, x):
+            x.array_w[:] = A @ b.array_r
+
+        return solve
+
+    M = PETSc.Mat().createAIJ(6, nnz=1, comm=PETSc.COMM_SELF)
+    for k in range(6):
+        M[k, k] = 1.0
+    M.assemble()
+    start = M.createVecRight()
+    start.set(1.0)
+    return inverse, M, start, Q, values
+
+
+@pytest.mark.parametrize("error", [1e-6, 1e-4, 1e-3])
+def test_a_rough_inverse_and_a_few_good_ones_find_the_lowest_to_1e_9(pencil, error):
+    inverse, M, start, Q, values = pencil
+    rough, (x, *_) = lowest(inverse(error), M, start, 0, 2, 1e-3)
+    if error > 1e-5:
+        assert rough != pytest.approx(values[0], rel=1e-7)  # by itself it is not good enough
+    assert polished(inverse(0.0), M, x) == pytest.approx(values[0], rel=1e-9)
+    assert abs(x.array_r @ Q[:, 0]) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_what_is_no_mode_is_not_polished_into_one(pencil):
+    inverse, M, start, Q, _ = pencil
+    start.array_w[:] = Q[:, 5] + 1e-3 * Q[:, 4] + 1e-9 * Q[:, 0]
+    with pytest.raises(NoConvergence, match="many steps"):
+        polished(inverse(0.0), M, start)

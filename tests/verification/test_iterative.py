@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def test_section_past_its_limit(paths, figure):
 
 def test_model_that_does_not_fit(body_of, monkeypatch):
     """It is given to the iterative solver where that one fits, and refused with the estimate before anything is solved."""
-    monkeypatch.setattr(methods, "LARGE", 0)
+    monkeypatch.setattr(methods, "AMPLE", math.inf)
     system = System(body_of(WEDGE), LAW)
     both = [methods.chosen(system, method) for method in ("auto", "direct", "iterative")]
     assert [method.name for method in both] == ["direct", "direct", "iterative"]
