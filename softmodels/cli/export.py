@@ -20,7 +20,7 @@ from softmodels.runs.exporting import export
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
 @click.option("--quiet", is_flag=True, help="Report errors alone.")
 def command(file: Path, output: Path, quiet: bool) -> None:
-    """Write the case FILE for another program: the same mesh, silicone, supports and pressures.
+    """Write the case FILE for another program: the same mesh, silicones, supports, dead loads and pressures.
 
     NAME.inp is for CalculiX (ccx NAME), NAME.feb for FEBio. Lengths in the deck are in mm, pressures in Pa. Cells have
     displacements alone there: hold the answer against --formulation displacement.
@@ -46,5 +46,5 @@ def command(file: Path, output: Path, quiet: bool) -> None:
     if not quiet:
         steps, mesh = len(deck.pressures), deck.mesh
         click.echo(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
-        if not deck.case.material.isochoric:
-            click.echo(f"note: {deck.remarks[-1]}")
+        for text in dict.fromkeys(text for silicone in deck.silicones for text in silicone.remarks[2:]):
+            click.echo(f"note: {text}")

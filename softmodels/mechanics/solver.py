@@ -252,8 +252,7 @@ class Solver:
     def dead_load_compliance(self, state: State, load: Array) -> float:
         """Work of a dead load (entries of owned dofs, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
 
-        One more back-substitution with the factorisation at hand and a few iterations; infinite where the tangent has no
-        solution.
+        To 1e-6, by a few iterations from the answers at the states before; infinite where the tangent has no solution.
         """
         self.system.load(state)
         bordered, newton = self.bordered, self.newton

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
-from softmodels.case.decks.deck import WRITTEN, Deck, deck_of
+from softmodels.case.decks.deck import LOADS, WRITTEN, Deck, Forces, check, deck_of
 from softmodels.case.decks.febio import febio
 
 WRITERS = {".inp": calculix, ".feb": febio}
@@ -15,7 +15,7 @@ WRITERS = {".inp": calculix, ".feb": febio}
 
 
 def export(case: Case | str | Path, file: str | Path) -> Deck:
-    """Write a case for another program: the same mesh, silicone, supports and pressures.
+    """Write a case for another program: the same mesh, silicones, supports, dead loads and pressures.
 
     Args:
         case: The case, or its file.
@@ -37,10 +37,39 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
         )
     if path.exists() and WRITTEN.encode() not in path.read_bytes()[:500]:
         raise CaseError(f"{path} is there already and is no deck of this program; give another name")
+    check(whole)
     with tempfile.TemporaryDirectory() as folder:
-        deck = deck_of(whole, whole.actuator.write(Path(folder) / "device.msh"))
+        mesh = whole.actuator.write(Path(folder) / "device.msh")
+        deck = deck_of(whole, mesh, _forces(whole, mesh))
     text = writer(deck)
     partial = path.with_name(f".{path.name}.part")
     partial.write_text(text, encoding="utf-8")
     partial.replace(path)
     return deck
+
+
+def _forces(case: Case, mesh: Path) -> Forces | None:
+    """Of the dead loads on the mesh's nodes; None where there are none.
+
+    Raises:
+        CaseError: They are not on this mesh, or nothing can be compiled.
+    """
+    if not any(isinstance(part, LOADS) for part in case.parts):
+        return None
+    from softmodels.mechanics.mpi import start
+
+    start()
+    from mpi4py import MPI
+
+    from softmodels.mechanics.body import Body, BodyError
+    from softmodels.mechanics.compiling import CompilingError, compiling
+    from softmodels.mechanics.nodal_forces import nodal_forces
+    from softmodels.mechanics.parts import PartError
+    from softmodels.mechanics.system import System
+
+    try:
+        with compiling():
+            body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
+            return nodal_forces(System(body, case.material, "displacement", parts=case.parts))
+    except (BodyError, CompilingError, PartError) as error:
+        raise CaseError(str(error)) from error

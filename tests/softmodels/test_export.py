@@ -105,6 +105,75 @@ def test_supports_hold_what_the_device_holds(decks):
             assert node not in deck.mesh.nodes[role] or np.abs(u).max() < 1e-9
 
 
+LOADED = dataclasses.replace(
+    CASE,
+    actuator=sm.PneuNet(cell_size=0.008),
+    parts=(
+        sm.Region(sm.MooneyRivlin(200e3, 50e3, 0.45), 1300.0, name="base"),
+        sm.Gravity("0.6, 0, -0.8", 1100.0),
+        sm.Mass("tip", 3e-3),
+        sm.Force("bottom", "z", 0.02),
+        sm.Moment("tip", "y", 4e-4),
+    ),
+)
+"""A finger of two silicones that hangs askew, with a weight, a force and a moment."""
+
+
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory):
+    file = tmp_path_factory.mktemp("loaded") / "finger.inp"
+    return sm.export(LOADED, file), file.read_text()
+
+
+def test_dead_loads_are_forces_on_nodes(loaded):
+    """Resultant and moment of the nodes' forces, as written, are those of the loads on the slice."""
+    deck, text = loaded
+    block = re.search(r"\*CLOAD\n((?:\d+, [123], \S+\n)+)", text)[1]
+    forces = np.zeros_like(deck.mesh.points)
+    for line in block.splitlines():
+        node, component, value = line.split(", ")
+        forces[int(node) - 1, int(component) - 1] += float(value) * 1e-6
+    corners = deck.mesh.points[deck.mesh.cells[:, :4]]
+    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    base = volumes[deck.mesh.regions["base"]].sum()
+    device = deck.case.actuator
+    # Cells' edges are straight but around the channel, so that their volumes are these to a part in a thousand.
+    mass = 1100.0 * volumes.sum() + 200.0 * base + 3e-3 / device.copies
+    wanted = 9.81 * mass * np.array([0.6, 0.0, -0.8]) + np.array([0.0, 0.0, 0.02]) / device.copies
+    across = device.cut_planes[0].normal if device.cut_planes else (0.0, 1.0, 0.0)
+    assert forces.sum(axis=0) == pytest.approx(wanted, rel=2e-3, abs=1e-9) and abs(np.array(across)[1]) == 1.0
+
+
+def test_one_moment_is_written_as_its_own(tmp_path):
+    case = dataclasses.replace(LOADED, parts=(sm.Moment("tip", "y", 4e-4),))
+    deck = sm.export(case, tmp_path / "finger.inp")
+    found = np.cross(deck.mesh.points, deck.forces).sum(axis=0)
+    assert np.abs(deck.forces.sum(axis=0)).max() < 1e-9 * np.abs(deck.forces).sum()
+    assert found[1] == pytest.approx(4e-4 / case.actuator.copies, rel=1e-9)
+
+
+def test_regions_have_silicones_of_their_own(loaded, tmp_path):
+    deck, text = loaded
+    assert re.findall(r"\*SOLID SECTION, ELSET=(\w+), MATERIAL=(\w+)", text) == [
+        *((region.upper(), "SILICONE") for region in deck.mesh.regions if region != "base"),
+        ("BASE", "BASE"),
+    ]
+    values = re.search(r"NAME=BASE\n\*HYPERELASTIC, MOONEY-RIVLIN\n(.+)", text)[1]
+    assert [float(value) for value in values.split(",")][:2] == [200e3, 50e3]
+    parts = LOADED.parts[:1]
+    sm.export(dataclasses.replace(LOADED, parts=parts), tmp_path / "finger.feb")
+    root = ElementTree.parse(tmp_path / "finger.feb").getroot()
+    kinds = {one.get("name"): one.get("type") for one in root.iter("material")}
+    assert kinds == {"silicone": "Yeoh", "base": "Mooney-Rivlin"}
+    domains = {one.get("name"): one.get("mat") for one in root.iter("SolidDomain")}
+    assert domains.pop("base") == "base" and set(domains.values()) == {"silicone"}
+
+
+def test_without_dead_loads_there_is_no_step_for_them(decks):
+    folder, deck = decks
+    assert deck.forces is None and "*CLOAD" not in (folder / "disk.inp").read_text()
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_reduced_directions_span_the_held_ones(seed):
     rows = np.random.default_rng(seed).normal(size=(seed % 3 + 1, 3))
@@ -137,11 +206,22 @@ def test_a_laws_terms_are_its_energy(law):
         ({"material": sm.Yeoh(14e3, 60.0, 0.5, 0.5)}, "incompressible"),
         ({"sheet": sm.Sheet("top", 1e3)}, "a sheet"),
         ({"obstacle": sm.Obstacle("top", "z = 30 mm")}, "contact"),
+        ({"parts": (sm.Fibres(modulus=1e4),)}, r"\[fibres"),
+        (
+            {"actuator": LOADED.actuator, "parts": (sm.Region(sm.Gent(28e3, 30.0), name="base"),)},
+            "region base: gent is a law",
+        ),
     ],
 )
 def test_what_decks_have_no_words_for(tmp_path, changes, words):
     with pytest.raises(CaseError, match=words):
         sm.export(dataclasses.replace(CASE, **changes), tmp_path / "disk.inp")
+    assert not list(tmp_path.iterdir())
+
+
+def test_febio_has_no_dead_loads(tmp_path):
+    with pytest.raises(CaseError, match=r"\[gravity\], \[mass\].*CalculiX alone"):
+        sm.export(LOADED, tmp_path / "finger.feb")
     assert not list(tmp_path.iterdir())
 
 

@@ -10,8 +10,12 @@ import io
 from collections.abc import Iterable
 from typing import TextIO
 
+import numpy as np
+import numpy.typing as npt
+
 from softmodels.case.case import CaseError
 from softmodels.case.decks.deck import WRITTEN, Deck
+from softmodels.case.decks.silicone import Silicone
 
 NO_TERM = 1e10
 """D of a volumetric term that adds nothing: at 0 CalculiX puts in a value of its own."""
@@ -19,9 +23,12 @@ PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10
 CLOSE = "*CONTROLS, PARAMETERS=FIELD\n1e-5, 1e-3, , , 1e-5, 1e-5, 1e-8, 1e-8\n"
 """Limits on residual and correction in place of the default 0.5 % and 1 %."""
 
+NOTHING = 1e-12
+"""Share of the largest force on a node below which one is rounding."""
+
 
 def calculix(deck: Deck) -> str:
-    """The deck's text: one step for each requested pressure."""
+    """The deck's text: a step for the dead loads, if there are any, and one for each requested pressure."""
     out = io.StringIO()
     for text in (WRITTEN, *deck.remarks):
         out.write(f"** {text}\n")
@@ -34,17 +41,33 @@ def calculix(deck: Deck) -> str:
     out.write("*BOUNDARY\n")
     for component in deck.held:
         out.write(f"HELD{component + 1}, {component + 1}, {component + 1}\n")
-    out.write(f"*MATERIAL, NAME=SILICONE\n{_law(deck)}*SOLID SECTION, ELSET=SOLID, MATERIAL=SILICONE\n")
+    for silicone in deck.silicones:
+        out.write(f"*MATERIAL, NAME={silicone.name.upper()}\n{_law(silicone)}")
+        sets = ["SOLID"] if len(deck.silicones) == 1 else [region.upper() for region in silicone.regions]
+        out.writelines(f"*SOLID SECTION, ELSET={name}, MATERIAL={silicone.name.upper()}\n" for name in sets)
+    if deck.forces is not None:
+        _write_step(out, "*CLOAD\n" + _forces(deck.forces))
     for pressure in deck.pressures:
-        out.write("*STEP, NLGEOM, INC=400\n*STATIC\n0.1, 1., 1e-4, 0.2\n" + PATIENT + CLOSE)
-        out.write(f"*DSLOAD\nCAVITY, P, {pressure:.12e}\n*NODE FILE\nU\n")
-        out.write("*NODE PRINT, NSET=PROBES, FREQUENCY=10000\nU\n*END STEP\n")
+        _write_step(out, f"*DSLOAD\nCAVITY, P, {pressure:.12e}\n")
     return out.getvalue()
 
 
-def _write_mesh(deck: Deck, out: TextIO) -> None:
-    import numpy as np
+def _write_step(out: TextIO, load: str) -> None:
+    """A step that applies a load; those of the steps before stay."""
+    out.write("*STEP, NLGEOM, INC=400\n*STATIC\n0.1, 1., 1e-4, 0.2\n" + PATIENT + CLOSE)
+    out.write(f"{load}*NODE FILE\nU\n")
+    out.write("*NODE PRINT, NSET=PROBES, FREQUENCY=10000\nU\n*END STEP\n")
 
+
+def _forces(forces: npt.NDArray[np.float64]) -> str:
+    """Lines with the forces on nodes, from N."""
+    lines = []
+    for node, component in np.argwhere(np.abs(forces) > NOTHING * np.abs(forces).max()):
+        lines.append(f"{node + 1}, {component + 1}, {1e6 * forces[node, component]:.12e}\n")
+    return "".join(lines)
+
+
+def _write_mesh(deck: Deck, out: TextIO) -> None:
     mesh = deck.mesh
     out.write("*NODE, NSET=ALL\n")
     for number, (x, y, z) in enumerate(1e3 * mesh.points, 1):
@@ -65,10 +88,10 @@ def _write_mesh(deck: Deck, out: TextIO) -> None:
     out.write(_cards("*NSET, NSET=PROBES", probes))
 
 
-def _law(deck: Deck) -> str:
+def _law(silicone: Silicone) -> str:
     """CalculiX's words for the silicone; W of it is (1/D) (J - 1)^2 in the volume."""
-    terms, d1 = deck.invariant_terms, 2 / deck.bulk
-    if stretches := deck.case.material.stretch_terms:
+    terms, d1 = silicone.invariant_terms, 2 / silicone.bulk
+    if stretches := silicone.material.stretch_terms:
         factors = [value for mu, alpha in stretches for value in (mu * alpha / 2, alpha)]
         values = [*factors, d1, *([NO_TERM] * (len(stretches) - 1))]
         return f"*HYPERELASTIC, OGDEN, N={len(stretches)}\n" + _lines(values)
@@ -76,7 +99,7 @@ def _law(deck: Deck) -> str:
         return "*HYPERELASTIC, MOONEY-RIVLIN\n" + _lines([terms.get((1, 0), 0.0), terms.get((0, 1), 0.0), d1])
     if set(terms) <= {(1, 0), (2, 0), (3, 0)}:
         return "*HYPERELASTIC, YEOH\n" + _lines([*(terms.get((i, 0), 0.0) for i in (1, 2, 3)), d1, NO_TERM, NO_TERM])
-    raise CaseError(f"{deck.case.material.name} has terms that CalculiX has no law for; write a .feb for FEBio")
+    raise CaseError(f"{silicone.material.name} has terms that CalculiX has no law for; write a .feb for FEBio")
 
 
 def _lines(values: list[float]) -> str:

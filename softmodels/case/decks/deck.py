@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +11,20 @@ import numpy.typing as npt
 from geometries.mesh_arrays import MeshArrays, read_arrays
 from geometries.tetrahedra import Ints
 from softmodels.case.case import Case, CaseError
+from softmodels.case.decks.silicone import Silicone, silicones_of
+from softmodels.case.region import Region
+from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.loads import Mass
 
 Array = npt.NDArray[np.float64]
+Forces = tuple[Array, Array]
 
 WRITTEN = "written by softmodels"
 """The mark of a deck: a file that bears it may be written again."""
+LOADS = (LoadPart, Mass)
+"""Kinds of parts that are written as forces on nodes."""
+ALIKE = 1e-6
+"""Distance in sizes of the device below which two places are one node."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -29,6 +37,8 @@ class Deck:
         pressures: Requested pressures above zero in Pa, rising.
         held: Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component.
         tied: Displacements that depend on others at one node: node, the component, and the factors that the others have in it.
+        silicones: Its materials, the main one first.
+        forces: Of all dead loads, on the slice, in N, shape (n, 3); None where there are none.
     """
 
     case: Case
@@ -36,18 +46,8 @@ class Deck:
     pressures: tuple[float, ...]
     held: dict[int, Ints]
     tied: tuple[tuple[int, int, dict[int, float]], ...]
-
-    @property
-    def invariant_terms(self) -> dict[tuple[int, int], float]:
-        """The law's factors in Pa of (I1_bar - 3)^i (I2_bar - 3)^j."""
-        return dict(self.case.material.invariant_terms)
-
-    @property
-    def bulk(self) -> float:
-        """Bulk modulus in Pa."""
-        material = self.case.material
-        nu = material.poisson  # not `Material.bulk`, which is Lame's first constant where the shape part resists it too
-        return 2 * material.shear_modulus_0 * (1 + nu) / (3 * (1 - 2 * nu))
+    silicones: tuple[Silicone, ...]
+    forces: Array | None = None
 
     @property
     def remarks(self) -> list[str]:
@@ -55,44 +55,57 @@ class Deck:
         case, names = self.case, ", ".join(self.mesh.faces)
         found = [
             f"{case.name}, {type(case.actuator).__name__}, one of {case.actuator.copies} equal slices",
-            f"silicone: {case.material}",
-            f"energy: shape of the isochoric stretches + K/2 (J - 1)^2, K = {self.bulk:.6g} Pa",
             f"faces by role: {names}",
         ]
-        if not case.material.isochoric:
-            found.append(
-                f"{case.material.name}: softmodels' energy is of the whole stretches, this one of the isochoric ones; they are "
-                "the same as Poisson's ratio goes to 0.5"
-            )
-        return found
+        if self.forces is not None:
+            found.append(f"a first step applies {', '.join(self.loads)}, as forces on the nodes of this slice")
+        return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
+
+    @property
+    def loads(self) -> list[str]:
+        """What acts on the device beside the air, by the names of its tables."""
+        return [part.where for part in self.case.parts if isinstance(part, LOADS)]
 
 
-def deck_of(case: Case, mesh: Path) -> Deck:
+def deck_of(case: Case, mesh: Path, forces: Forces | None = None) -> Deck:
     """What is written of a case.
 
     Args:
-        case: The case.
+        case: The case; see `check`.
         mesh: The mesh file of its device.
+        forces: Nodes' undeformed places in m and forces on them in N, shape (n, 3) each, of its dead loads.
 
     Raises:
         CaseError: Other programs cannot be told of this case.
         MeshFileError: No mesh of tetrahedra.
     """
-    _check(case)
+    check(case)
     arrays = read_arrays(mesh)
     if arrays.cells.shape[1] == 4:
         raise CaseError("the mesh has tetrahedra of 4 nodes, which lock in silicone; take cells of second order")
     held, tied = _supports(case, arrays)
-    return Deck(case, arrays, tuple(goal for goal in case.goals if goal > 0.0), held, tied)
+    silicones = silicones_of(case.material, case.parts, arrays.regions)
+    goals = tuple(goal for goal in case.goals if goal > 0.0)
+    return Deck(case, arrays, goals, held, tied, silicones, None if forces is None else _by_node(arrays, *forces))
 
 
-def _check(case: Case) -> None:
+def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
+    """Forces in the order of a mesh's nodes."""
+    from scipy.spatial import cKDTree
+
+    away, found = cKDTree(places).query(mesh.points)
+    if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
+        raise CaseError("nodes of the mesh are none of the equations': the dead loads cannot be written")
+    return forces[found]
+
+
+def check(case: Case) -> None:
     """Refuse what the decks have no words for.
 
     Raises:
         CaseError: What, and what to do.
     """
-    device, material = case.actuator, case.material
+    device = case.actuator
     if device.dimension != 3:
         raise CaseError(
             f'the case has an axisymmetric section of {type(device).__name__}; write a deck of a solid one (section = "wedge")'
@@ -103,21 +116,11 @@ def _check(case: Case) -> None:
         )
     if device.ratios != (1.0,):
         raise CaseError("the device has several cavities; a deck has one pressure, so give a device with one cavity")
-    if not (material.invariant_terms or material.stretch_terms):
-        raise CaseError(
-            f"{material.name} is a law that neither CalculiX nor FEBio has; fit or name one of Mooney-Rivlin, Yeoh or Ogden"
-        )
-    if math.isinf(material.bulk):
-        raise CaseError(
-            "poisson = 0.5 is incompressible and the decks' cells have displacements alone; take poisson = 0.49 in both"
-        )
-    for what, there in (
-        ("a sheet", case.sheet),
-        ("contact", case.obstacle),
-        (case.parts[0].where if case.parts else "", case.parts),
-    ):
-        if there:
-            raise CaseError(f"the case has {what}, which is not written into decks; leave it out")
+    for silicone in silicones_of(case.material, case.parts, device.regions):
+        silicone.check()
+    others = [part.where for part in case.parts if not isinstance(part, (Region, *LOADS))]
+    for what in (["a sheet"] if case.sheet else []) + (["contact"] if case.obstacle else []) + others:
+        raise CaseError(f"the case has {what}, which is not written into decks; leave it out")
 
 
 def _supports(case: Case, mesh: MeshArrays) -> tuple[dict[int, Ints], tuple[tuple[int, int, dict[int, float]], ...]]:

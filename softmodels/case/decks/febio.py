@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 from softmodels.case.case import CaseError
 from softmodels.case.decks.deck import WRITTEN, Deck
+from softmodels.case.decks.silicone import Silicone
 
 Node = ElementTree.Element
 
@@ -18,16 +19,22 @@ LARGEST_STEP = "0.1"
 
 def febio(deck: Deck) -> str:
     """The deck's text: time 1, 2, ... is at the requested pressures, in order."""
+    if deck.forces is not None:
+        raise CaseError(
+            f"the case has {', '.join(deck.loads)}, and dead loads are written for CalculiX alone: name a file NAME.inp, or "
+            "leave them out"
+        )
     root = Node("febio_spec", version="4.0")
     for text in (WRITTEN, *deck.remarks):
         root.append(ElementTree.Comment(f" {text.replace('--', '- -')} "))
     ElementTree.SubElement(root, "Module", type="solid")
     _control(root, len(deck.pressures))
-    _material(root, deck)
+    _materials(root, deck)
     _mesh(root, deck)
     domains = ElementTree.SubElement(root, "MeshDomains")
-    for region in deck.mesh.regions:
-        ElementTree.SubElement(domains, "SolidDomain", name=region, mat="silicone")
+    for silicone in deck.silicones:
+        for region in silicone.regions:
+            ElementTree.SubElement(domains, "SolidDomain", name=region, mat=silicone.name)
     _boundary(root, deck)
     loads = ElementTree.SubElement(root, "Loads")
     load = ElementTree.SubElement(loads, "surface_load", name="air", type="pressure", surface="cavity")
@@ -70,26 +77,31 @@ def _control(root: Node, steps: int) -> None:
     _text(solver, "symmetric_stiffness", "symmetric")
 
 
-def _material(root: Node, deck: Deck) -> None:
-    law = deck.case.material
-    names: dict[str, float]
+def _materials(root: Node, deck: Deck) -> None:
+    materials = ElementTree.SubElement(root, "Material")
+    for number, silicone in enumerate(deck.silicones, 1):
+        kind, names = _law(silicone)
+        material = ElementTree.SubElement(materials, "material", id=str(number), name=silicone.name, type=kind)
+        _text(material, "density", "1")
+        _text(material, "k", f"{silicone.bulk:.12e}")
+        _text(material, "pressure_model", "2")
+        for name, value in names.items():
+            _text(material, name, f"{value:.12e}")
+
+
+def _law(silicone: Silicone) -> tuple[str, dict[str, float]]:
+    """FEBio's name for a law and its parameters."""
+    law, terms = silicone.material, silicone.invariant_terms
     if law.stretch_terms:
-        kind, names = "Ogden", {}
+        names: dict[str, float] = {}
         for i, (mu, alpha) in enumerate(law.stretch_terms, 1):  # FEBio writes c/m^2 where this library has mu/alpha
             names |= {f"c{i}": mu * alpha, f"m{i}": alpha}
-    elif set(terms := deck.invariant_terms) <= {(1, 0), (0, 1)}:
-        kind, names = "Mooney-Rivlin", {"c1": terms.get((1, 0), 0.0), "c2": terms.get((0, 1), 0.0)}
-    elif all(j == 0 and i <= 6 for i, j in terms):
-        kind, names = "Yeoh", {f"c{i}": value for (i, _), value in terms.items()}
-    else:
-        raise CaseError(f"{law.name} has terms that FEBio has no law for; take Mooney-Rivlin, Yeoh or Ogden")
-    materials = ElementTree.SubElement(root, "Material")
-    material = ElementTree.SubElement(materials, "material", id="1", name="silicone", type=kind)
-    _text(material, "density", "1")
-    _text(material, "k", f"{deck.bulk:.12e}")
-    _text(material, "pressure_model", "2")
-    for name, value in names.items():
-        _text(material, name, f"{value:.12e}")
+        return "Ogden", names
+    if set(terms) <= {(1, 0), (0, 1)}:
+        return "Mooney-Rivlin", {"c1": terms.get((1, 0), 0.0), "c2": terms.get((0, 1), 0.0)}
+    if all(j == 0 and i <= 6 for i, j in terms):
+        return "Yeoh", {f"c{i}": value for (i, _), value in terms.items()}
+    raise CaseError(f"{law.name} has terms that FEBio has no law for; take Mooney-Rivlin, Yeoh or Ogden")
 
 
 def _mesh(root: Node, deck: Deck) -> None:
