@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
+
+from softmodels.mechanics.mpi import summed
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 Array = npt.NDArray[np.float64]
 
@@ -43,7 +49,7 @@ class EarlierAnswers:
             return None
         (last, answer), others = self._known[-1], self._known[:-1]
         ways = np.array([place - last, *(w - last for w, _ in others)])
-        products = self.comm.allreduce(ways @ ways.T, MPI.SUM)
+        products = summed(self.comm, ways @ ways.T)
         guess = answer.copy()
         square, right = products[1:, 1:], products[1:, 0]
         shares = np.linalg.lstsq(square, right, rcond=ALIKE)[0]

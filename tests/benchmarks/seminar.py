@@ -11,8 +11,7 @@ factors in single precision. Back-substitutions take 44 % of path and figures, p
 factorisations 15 %, the figures of the states 13 % (the tip's stiffness is a solve of its own). A factorisation with its
 assembly costs about as much as 30 iterations of GMRES.
 
-The command `python -m softmodels.seminar --pressure-cm 0:177 --no-pictures`, alternating with ee3d6d7, two rounds: 72 and 59 s
-on one rank, 45 and 37 s on two. A back-substitution takes 44 ms where it took 65, a factorisation 1.0 s where it took 2.1.
+The whole command is timed by `tests/benchmarks/waiting.py`.
 """
 
 from __future__ import annotations

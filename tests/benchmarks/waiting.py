@@ -5,11 +5,13 @@
 
 Both trees need an environment of their own (``.venv``). Each command is run once in each to warm the caches, and then in turn.
 CPU seconds are of the command and its processes together, and tell the same on a busy machine; what overlaps on two cores
-shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes one of the commands.
+shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes one of the commands. ``cold`` has a cache of
+its own every time, so it meshes and compiles; ``slab1`` and ``slab2`` are one and two ranks under `mpirun`.
 
 Against ee3d6d7, before and after, medians of three on one machine: wedge with all its pictures 25.7 and 10.0 s (2.65 times), of
 which drawing after the last state takes 4; section 1.96 and 0.96 s (2.03 times). On another one help, CPU seconds, 1.00 and
-0.21 (4.2 times).
+0.21 (4.2 times). Two rounds each: the wedge's first run 41.6 and 19.2 s (2.2 times), the slab on one rank 85.9 and 49.1 s (1.75
+times), on two 57.7 and 31.1 s (1.85 times).
 """
 
 from __future__ import annotations
@@ -26,24 +28,32 @@ from pathlib import Path
 HERE = Path(__file__).parents[2]
 DISK = ("-m", "softmodels.disk")
 SECTION = (*DISK, "--pressure-cm", "0:177", "--section", "axisymmetric", "--no-pictures")
+SLAB = ("-m", "softmodels.seminar", "--pressure-cm", "0:177", "--no-pictures")
 COMMANDS = {
     "help": ((*DISK, "--help"), 3.0),
     "refused": ((*DISK, "--pressure-cm", "5:3"), 3.0),
     "group": (("-m", "softmodels", "--help"), 3.0),
     "section": (SECTION, 2.0),
     "wedge": ((*DISK, "--pressure-cm", "0:177"), 2.5),
+    "cold": ((*DISK, "--pressure-cm", "0:177"), 2.0),
+    "slab1": (SLAB, 1.6),
+    "slab2": (SLAB, 1.6),
 }
 """Words after ``python``, and how many times faster than before they are to be."""
+RANKS = {"slab1": 1, "slab2": 2}
 
 
-def spent(tree: Path, words: tuple[str, ...], output: Path) -> tuple[float, float]:
+def spent(tree: Path, name: str, folder: Path) -> tuple[float, float]:
     """CPU and wall seconds of a command."""
+    words, _ = COMMANDS[name]
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"} | {"OMP_NUM_THREADS": "1"}
-    more = ("-o", str(output / tree.name)) if "--pressure-cm" in words else ()
+    if name == "cold":
+        environment["XDG_CACHE_HOME"] = tempfile.mkdtemp(dir=folder)
+    more = ("-o", str(folder / tree.name)) if "--pressure-cm" in words else ()
+    ranks = (tree / ".venv/bin/mpirun", "-n", str(RANKS[name])) if name in RANKS else ()
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    subprocess.run(
-        [tree / ".venv/bin/python", *words, *more], cwd=tree, env=environment, capture_output=True, check=False
-    )
+    command = [*ranks, tree / ".venv/bin/python", *words, *more]
+    subprocess.run(command, cwd=tree, env=environment, capture_output=True, check=False)
     wall, after = time.monotonic() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall
 
@@ -57,11 +67,11 @@ def main() -> None:
     print("command   CPU s before  after  ratio   wall s before  after  ratio   wanted")
     with tempfile.TemporaryDirectory() as folder:
         for name in given.only:
-            words, wanted = COMMANDS[name]
+            _, wanted = COMMANDS[name]
             trees = (given.before.resolve(), HERE)
-            for tree in trees:
-                spent(tree, words, Path(folder))
-            runs = [[spent(tree, words, Path(folder)) for tree in trees] for _ in range(given.repeat)]
+            for tree in trees if name != "cold" else ():
+                spent(tree, name, Path(folder))
+            runs = [[spent(tree, name, Path(folder)) for tree in trees] for _ in range(given.repeat)]
             cells = []
             for kind in (0, 1):
                 old, new = ([run[k][kind] for run in runs] for k in (0, 1))
