@@ -257,6 +257,8 @@ class Solver:
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
         bordered.control = pressure_control(0.0)
+        if bordered.constraint_columns:  # the held volumes' own: the border may be of another state
+            self._border(state, bordered.control)
         pulled = self.system.by_unknowns(load).copy()
         bordered.join(newton.f, pulled, np.zeros(bordered.scalars))
         bordered.mat.assemble()
@@ -264,20 +266,23 @@ class Solver:
         self._side.setTolerances(rtol=ENERGY_TOLERANCE)
         place = self.system.unknowns.nearest(state.w)
         guess = self._answers.guess(load, place)
-        if guess is not None:
-            newton.x.array_w[:] = guess
-        self._side.setInitialGuessNonzero(guess is not None)
-        self._side.solve(newton.f, newton.x)
+        # Near a critical point an answer may be far from the next: what leads nowhere is begun again without it.
+        for known in [None] if guess is None else [guess, None]:
+            newton.x.array_w[:] = 0.0 if known is None else known
+            self._side.setInitialGuessNonzero(known is not None)
+            self._side.solve(newton.f, newton.x)
+            if self._side.is_converged:
+                break
         self._side.setInitialGuessNonzero(False)
         self._side.setTolerances(rtol=TANGENT_TOLERANCE)
         if not self._side.is_converged:
             return math.inf
         self._answers.keep(place, newton.x.array_r)
-        moved, _ = bordered.split(newton.x)
-        # The work of what the solution x leaves of the load, r, on x itself: what is then missing is of second order in r.
+        moved, pressures = bordered.split(newton.x)
+        # Twice the load's work less that of all forces in the answer: what is missing then is of second order in its error.
         bordered.mat.mult(newton.x, newton.f)
-        left = 2.0 * pulled - bordered.split(newton.f)[0]
-        return total(self.system.comm, float(left @ moved))
+        forces, opened = bordered.split(newton.f)
+        return total(self.system.comm, float((2.0 * pulled - forces) @ moved)) + float(pressures[1:] @ opened[1:])
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold for this device; it cannot be solved any more.

@@ -169,9 +169,11 @@ def test_regions_have_silicones_of_their_own(loaded, tmp_path):
     assert domains.pop("base") == "base" and set(domains.values()) == {"silicone"}
 
 
-def test_without_dead_loads_there_is_no_step_for_them(decks):
+def test_without_dead_loads_there_is_no_step_for_them(decks, tmp_path):
     folder, deck = decks
     assert deck.forces is None and "*CLOAD" not in (folder / "disk.inp").read_text()
+    idle = dataclasses.replace(LOADED, parts=(sm.Force("bottom", "z"),))  # its amount would be a request's
+    assert sm.export(idle, tmp_path / "idle.inp").forces is None
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -86,7 +86,8 @@ def deck_of(case: Case, mesh: Path, forces: Forces | None = None) -> Deck:
     held, tied = _supports(case, arrays)
     silicones = silicones_of(case.material, case.parts, arrays.regions)
     goals = tuple(goal for goal in case.goals if goal > 0.0)
-    return Deck(case, arrays, goals, held, tied, silicones, None if forces is None else _by_node(arrays, *forces))
+    own = None if forces is None or not forces[1].any() else _by_node(arrays, *forces)
+    return Deck(case, arrays, goals, held, tied, silicones, own)
 
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
