@@ -32,7 +32,7 @@ PLACES = {
     ),
     "export": Place(
         "softmodels.cli.export", "command",
-        "Write the case FILE for another program: the same mesh, silicone, supports and pressures.",
+        "Write the case FILE for another program: the same mesh, silicones, supports and loads.",
     ),
     "fit": Place(
         "softmodels.cli.fit_command", "fit_material",
