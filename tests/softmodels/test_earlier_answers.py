@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 from softmodels.mechanics.earlier_answers import MOST, EarlierAnswers
 
@@ -23,8 +22,8 @@ def answer(t):
 
 
 @pytest.fixture
-def known():
-    return EarlierAnswers(MPI.COMM_SELF)
+def known(comm):
+    return EarlierAnswers(comm)
 
 
 def test_nothing_is_known_at_first(known):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy
-from petsc4py import PETSc
 
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.lanczos import generalised, lowest, polished
@@ -23,8 +22,10 @@ def test_a_pair_of_matrices_has_the_values_of_another_library(size):
 
 
 @pytest.fixture
-def pencil():
+def pencil(comm):
     """K with known eigenvalues and vectors, M = 1, and K^-1 with a relative error in what it answers."""
+    from petsc4py import PETSc
+
     chance = np.random.default_rng(3)
     values = np.array([2.0, 6.1, 17.0, 20.0, 50.0, 90.0])
     Q = np.linalg.qr(chance.normal(size=(6, 6)))[0]
