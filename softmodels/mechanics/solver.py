@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 TANGENT_TOLERANCE = 1e-7
 """Of the linear solver for a path's direction, which decides how long steps are: at 1e-5 single precision's rounding shows."""
-ENERGY_TOLERANCE = 1e-2
+ENERGY_TOLERANCE = 1e-3
 """The same where the answer's work on its own load is asked for, whose error is the square of it."""
 
 

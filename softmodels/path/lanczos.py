@@ -29,7 +29,7 @@ ROUNDING = 1e-12
 """Share of the largest nu below which one is zero: it belongs to the null space of M."""
 MOST_STEPS = 150
 """Back-substitutions after which an eigenvalue counts as not found."""
-SETTLED = 2e-9
+SETTLED = 2e-10
 """Change of an eigenvalue in half a step of inverse iteration, in shares of it, at which it is found. Its error is then
 r / (1 - r) of that, with r the ratio of the lowest eigenvalue to the next."""
 MOST_POLISHES = 3
