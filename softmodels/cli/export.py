@@ -10,7 +10,9 @@ from geometries.errors import MeshingError
 from measurement.output_place import status_of
 from softmodels.case.errors import INPUT_ERRORS
 from softmodels.cli.options import fail
-from softmodels.mechanics.mpi import speaks
+from softmodels.mechanics.body import BodyError
+from softmodels.mechanics.compiling import CompilingError
+from softmodels.mechanics.mpi import launched, speaks, start
 from softmodels.results.outcomes import FAILED
 from softmodels.runs.exporting import export
 
@@ -33,13 +35,15 @@ def command(file: Path, output: Path, quiet: bool) -> None:
     \b
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
     """
+    if launched() is not None:  # dead loads start MPI, which waits for all of a launcher's ranks
+        start()
     if not speaks():
         return
     try:
         deck = export(file, output)
     except INPUT_ERRORS as error:
         fail(str(error))
-    except MeshingError as error:
+    except (MeshingError, BodyError, CompilingError) as error:
         fail(str(error), FAILED)
     except OSError as error:
         fail(f"{output} cannot be written ({error.strerror or error})", status_of(error))

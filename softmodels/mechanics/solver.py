@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 TANGENT_TOLERANCE = 1e-7
 """Of the linear solver for a path's direction, which decides how long steps are: at 1e-5 single precision's rounding shows."""
-ENERGY_TOLERANCE = 1e-3
+ENERGY_TOLERANCE = 1e-4
 """The same where the answer's work on its own load is asked for, whose error is the square of it."""
 
 
@@ -252,7 +252,7 @@ class Solver:
     def dead_load_compliance(self, state: State, load: Array) -> float:
         """Work of a dead load (entries of owned dofs, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
 
-        To 1e-6, by a few iterations from the answers at the states before; infinite where the tangent has no solution.
+        To 1e-9, by a few iterations from the answers at the states before; infinite where the tangent has no solution.
         """
         self.system.load(state)
         bordered, newton = self.bordered, self.newton

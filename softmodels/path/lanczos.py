@@ -10,7 +10,6 @@ Jensen 1987, doi 10.1090/S0025-5718-1987-0878698-5.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +20,7 @@ from softmodels.mechanics.newton import NoConvergence
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
-    Solve = Callable[[PETSc.Vec, PETSc.Vec], None]
+    from softmodels.path.modes import Solve
 
 TOLERANCE = 1e-7
 """Residual of K^-1 M x = nu x, in the norm of M and in shares of nu; the eigenvalue's error is about its square."""
@@ -113,13 +112,12 @@ def polished(solve: Solve, M: PETSc.Mat, x: PETSc.Vec) -> float:
         solve(image, y)
         along = y.dot(image)
         M.mult(y, image)
-        before, value = size / along, along / y.dot(image)
+        before, size = size / along, y.dot(image)
+        value = along / size
         change = abs(value / before - 1.0)
-        size = 1.0
-        y.copy(x)
-        for vector in (x, image):
-            vector.scale((along / value) ** -0.5)
         if change <= SETTLED:
+            y.copy(x)
+            x.scale(size**-0.5)
             return float(value)
         if last and not change * (change / last) ** left <= SETTLED:
             break

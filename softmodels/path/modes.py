@@ -11,7 +11,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
-    Solve = Callable[[PETSc.Vec, PETSc.Vec], None]
+    Solve = Callable[[PETSc.Vec, PETSc.Vec], object]
 
 Array = npt.NDArray[np.float64]
 

@@ -108,13 +108,10 @@ class Factorised(Spectrum):
         def solve(b: PETSc.Vec, x: PETSc.Vec) -> None:
             bordered.solve(b, x, EIGENVALUE)
 
-        def solve_roughly(b: PETSc.Vec, x: PETSc.Vec) -> None:
-            bordered.solve_roughly(b, x)
-
         # The lowest is the one nearest zero there, and inverse iteration leads from a rough search to it.
         if bordered.inverse.rounded and not negatives:
             with contextlib.suppress(NoConvergence):
-                _, found = lowest(solve_roughly, self.M, self.seed, 0, BLOCK, ROUGH)
+                _, found = lowest(bordered.solve_roughly, self.M, self.seed, 0, BLOCK, ROUGH)
                 return polished(solve, self.M, found[0]), found
         return lowest(solve, self.M, self.seed, negatives, BLOCK)
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
-from softmodels.case.decks.deck import LOADS, WRITTEN, Deck, Forces, check, deck_of
-from softmodels.case.decks.febio import febio
+from softmodels.case.decks.deck import WRITTEN, Deck, Forces, acting, check, deck_of
+from softmodels.case.decks.febio import check_without_loads, febio
 
-WRITERS = {".inp": calculix, ".feb": febio}
-"""Writers of decks by the ending of their files."""
+WRITERS = {".inp": (check, calculix), ".feb": (check_without_loads, febio)}
+"""By the ending of a deck's file: what refuses a case before it is meshed, and what writes it."""
 
 
 def export(case: Case | str | Path, file: str | Path) -> Deck:
@@ -27,17 +27,19 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
     Raises:
         CaseError: A case that decks have no words for, another ending, or a file that is no deck.
         MeshingError: The device cannot be meshed.
+        PartError, BodyError, CompilingError: Dead loads that are not on its mesh, or whose equations cannot be made.
         OSError: The file cannot be written.
     """
     whole, path = case if isinstance(case, Case) else Case.from_file(Path(case)), Path(file)
-    writer = WRITERS.get(path.suffix.lower())
-    if writer is None:
+    suffix = path.suffix.lower()
+    if suffix not in WRITERS:
         raise CaseError(
             f"{path} ends in {path.suffix or 'nothing'}; decks are {' for CalculiX and '.join(WRITERS)} for FEBio"
         )
     if path.exists() and WRITTEN.encode() not in path.read_bytes()[:500]:
         raise CaseError(f"{path} is there already and is no deck of this program; give another name")
-    check(whole)
+    refuse, writer = WRITERS[suffix]
+    refuse(whole)
     with tempfile.TemporaryDirectory() as folder:
         mesh = whole.actuator.write(Path(folder) / "device.msh")
         deck = deck_of(whole, mesh, _forces(whole, mesh))
@@ -52,24 +54,21 @@ def _forces(case: Case, mesh: Path) -> Forces | None:
     """Of the dead loads on the mesh's nodes; None where there are none.
 
     Raises:
-        CaseError: They are not on this mesh, or nothing can be compiled.
+        PartError: They are not on this mesh.
+        BodyError, CompilingError: The equations cannot be made.
     """
-    if not any(isinstance(part, LOADS) for part in case.parts):
+    if not acting(case):
         return None
     from softmodels.mechanics.mpi import start
 
     start()
     from mpi4py import MPI
 
-    from softmodels.mechanics.body import Body, BodyError
-    from softmodels.mechanics.compiling import CompilingError, compiling
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.compiling import compiling
     from softmodels.mechanics.nodal_forces import nodal_forces
-    from softmodels.mechanics.parts import PartError
     from softmodels.mechanics.system import System
 
-    try:
-        with compiling():
-            body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
-            return nodal_forces(System(body, case.material, "displacement", parts=case.parts))
-    except (BodyError, CompilingError, PartError) as error:
-        raise CaseError(str(error)) from error
+    with compiling():
+        body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
+        return nodal_forces(System(body, case.material, "displacement", parts=case.parts))

@@ -3,8 +3,7 @@
 Run it with ``python tests/benchmarks/kills.py`` (50 kills over all kinds, half an hour on two cores), with ``--count`` and
 ``--kind`` for fewer. Of each kind one run is left alone; another is killed (SIGKILL; every third SIGTERM or SIGINT) at a random
 share of the time that took, and gone on with, up to three times. Then every column of path.csv is compared, each number to
-1e-9 of the column's largest, stiffnesses to 1e-6; a fit's or measurement's tables byte by byte. Between kills every file that
-is there is whole.
+1e-9 of the column's largest; a fit's or measurement's tables byte by byte. Between kills every file that is there is whole.
 
 Measured, in several campaigns: 60 kills (wedge 4, seminar 8, cycle 13, fit 9, photographs 11; section, volume and limit 15),
 after every one of which what was gone on with ended in the columns and tables of the run left alone.
@@ -30,8 +29,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 TOLERANCE = 1e-9
-LOOSER = {"_stiffness_N_per_m": 1e-6}
-"""By the end of a column's name: these begin from the answers at the states before, to a tolerance of their own."""
 MOST_KILLS = 3
 """Of one run before it is let through."""
 WORDS = ("following",)
@@ -173,12 +170,7 @@ def differences(one: Path, other: Path) -> dict[str, float]:
         largest = max(map(abs, numbers[1]), default=0.0)
         most = max(abs(a - b) for a, b in zip(*numbers, strict=True))
         found[name] = 0.0 if most == 0.0 else most / largest if largest else float("inf")
-    return {name: value for name, value in found.items() if value > allowed(name)}
-
-
-def allowed(column: str) -> float:
-    """Largest difference of a column."""
-    return next((value for end, value in LOOSER.items() if column.endswith(end)), TOLERANCE)
+    return {name: value for name, value in found.items() if value > TOLERANCE}
 
 
 def compare(kind: Kind, folder: Path, wanted: Path) -> list[str]:

@@ -99,7 +99,7 @@ def test_a_stiffness_does_not_depend_on_what_it_begins_with(part, body_of, figur
     rest = eq.rest()
     coupling = Coupling.by_pressure(np.zeros(2), np.array([1.0, 0.0]), (1,), eq.volumes())
     start = equations.couple(coupling, rest, np.zeros(2))
-    load = face_load(eq, part.pushed or "support", part.lift) if part.pushed else face_load(eq, "outer", part.lift)
+    load = face_load(eq, "outer", part.lift)
     found, states, w = [], [], start.w
     for pressure in (0.2, 0.4, 0.6):
         states.append(equations.solve(pressure_control(pressure * GOAL / eq.stress_unit), w, 0.0))
@@ -109,7 +109,7 @@ def test_a_stiffness_does_not_depend_on_what_it_begins_with(part, body_of, figur
         found.append(equations.dead_load_compliance(state, load))
     free = eq.by_unknowns(load).copy()
     exact = [float(free @ equations.aside(one, pressure_control(one.P), free, 1e-11).w[: eq.n]) for one in states]
-    figure("a stiffness with a volume held, to 1e-11", "from the states before", np.array(found) / exact - 1, 1e-6)
+    figure("a stiffness with a volume held, to 1e-11", "from the states before", np.array(found) / exact - 1, 1e-10)
     place, answer = equations._answers._known[-1]
     equations._answers._known = [(place, 1e9 * answer)]
-    assert equations.dead_load_compliance(states[-1], load) == pytest.approx(exact[-1], rel=1e-6)
+    assert equations.dead_load_compliance(states[-1], load) == pytest.approx(exact[-1], rel=1e-9)

@@ -1,1 +1,1 @@
-"""A case for other programs: the same mesh, silicone, supports and pressures in CalculiX's and in FEBio's words."""
+"""A case for other programs: the same mesh, silicones, supports and loads in CalculiX's and in FEBio's words."""

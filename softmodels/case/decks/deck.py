@@ -14,7 +14,7 @@ from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.silicone import Silicone, silicones_of
 from softmodels.case.region import Region
 from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.loads import Mass
+from softmodels.mechanics.loads import FaceLoad, Mass
 
 Array = npt.NDArray[np.float64]
 Forces = tuple[Array, Array]
@@ -58,35 +58,29 @@ class Deck:
             f"faces by role: {names}",
         ]
         if self.forces is not None:
-            found.append(f"a first step applies {', '.join(self.loads)}, as forces on the nodes of this slice")
+            found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
         return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
-
-    @property
-    def loads(self) -> list[str]:
-        """What acts on the device beside the air, by the names of its tables."""
-        return [part.where for part in self.case.parts if isinstance(part, LOADS)]
 
 
 def deck_of(case: Case, mesh: Path, forces: Forces | None = None) -> Deck:
     """What is written of a case.
 
     Args:
-        case: The case; see `check`.
+        case: One that `check` does not refuse.
         mesh: The mesh file of its device.
         forces: Nodes' undeformed places in m and forces on them in N, shape (n, 3) each, of its dead loads.
 
     Raises:
-        CaseError: Other programs cannot be told of this case.
+        CaseError: Cells, or loads, that cannot be written.
         MeshFileError: No mesh of tetrahedra.
     """
-    check(case)
     arrays = read_arrays(mesh)
     if arrays.cells.shape[1] == 4:
         raise CaseError("the mesh has tetrahedra of 4 nodes, which lock in silicone; take cells of second order")
     held, tied = _supports(case, arrays)
     silicones = silicones_of(case.material, case.parts, arrays.regions)
     goals = tuple(goal for goal in case.goals if goal > 0.0)
-    own = None if forces is None or not forces[1].any() else _by_node(arrays, *forces)
+    own = None if forces is None else _by_node(arrays, *forces)
     return Deck(case, arrays, goals, held, tied, silicones, own)
 
 
@@ -98,6 +92,12 @@ def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
     if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
         raise CaseError("nodes of the mesh are none of the equations': the dead loads cannot be written")
     return forces[found]
+
+
+def acting(case: Case) -> list[str]:
+    """Dead loads by the names of their tables, without those whose amount would be a request's."""
+    loads = [part for part in case.parts if isinstance(part, LOADS)]
+    return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
 
 
 def check(case: Case) -> None:
@@ -117,11 +117,14 @@ def check(case: Case) -> None:
         )
     if device.ratios != (1.0,):
         raise CaseError("the device has several cavities; a deck has one pressure, so give a device with one cavity")
-    for silicone in silicones_of(case.material, case.parts, device.regions):
-        silicone.check()
-    others = [part.where for part in case.parts if not isinstance(part, (Region, *LOADS))]
-    for what in (["a sheet"] if case.sheet else []) + (["contact"] if case.obstacle else []) + others:
-        raise CaseError(f"the case has {what}, which is not written into decks; leave it out")
+    main, *others = silicones_of(case.material, case.parts, device.regions)
+    main.check("")
+    for silicone in others:
+        silicone.check(f"region {silicone.name}: ")
+    unknown = [part.where for part in case.parts if not isinstance(part, (Region, *LOADS))]
+    for what, there in (("a sheet", case.sheet), ("contact", case.obstacle), *((where, True) for where in unknown)):
+        if there:
+            raise CaseError(f"the case has {what}, which is not written into decks; leave it out")
 
 
 def _supports(case: Case, mesh: MeshArrays) -> tuple[dict[int, Ints], tuple[tuple[int, int, dict[int, float]], ...]]:

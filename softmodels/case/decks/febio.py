@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from softmodels.case.case import CaseError
-from softmodels.case.decks.deck import WRITTEN, Deck
+from softmodels.case.case import Case, CaseError
+from softmodels.case.decks.deck import WRITTEN, Deck, acting, check
 from softmodels.case.decks.silicone import Silicone
 
 Node = ElementTree.Element
@@ -19,11 +19,6 @@ LARGEST_STEP = "0.1"
 
 def febio(deck: Deck) -> str:
     """The deck's text: time 1, 2, ... is at the requested pressures, in order."""
-    if deck.forces is not None:
-        raise CaseError(
-            f"the case has {', '.join(deck.loads)}, and dead loads are written for CalculiX alone: name a file NAME.inp, or "
-            "leave them out"
-        )
     root = Node("febio_spec", version="4.0")
     for text in (WRITTEN, *deck.remarks):
         root.append(ElementTree.Comment(f" {text.replace('--', '- -')} "))
@@ -49,6 +44,16 @@ def febio(deck: Deck) -> str:
     ElementTree.SubElement(plot, "var", type="displacement")
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def check_without_loads(case: Case) -> None:
+    """Refuse dead loads too; see `softmodels.case.decks.deck.check`."""
+    check(case)
+    if loads := acting(case):
+        raise CaseError(
+            f"the case has {', '.join(loads)}, and dead loads are written for CalculiX alone: name a file NAME.inp, or "
+            "leave them out"
+        )
 
 
 def _text(parent: Node, tag: str, text: str, **attributes: str) -> None:

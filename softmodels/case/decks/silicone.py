@@ -11,7 +11,7 @@ from softmodels.case.region import Region
 from softmodels.materials.material import Material
 
 MAIN = "silicone"
-"""Name of the case's own material."""
+"""Name of the case's own material, if no region has it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,9 +36,8 @@ class Silicone:
     @property
     def bulk(self) -> float:
         """Bulk modulus in Pa."""
-        nu = (
-            self.material.poisson
-        )  # not `Material.bulk`, which is Lame's first constant where the shape part resists it too
+        # Not `Material.bulk`, which is Lame's first constant where the shape part resists it too.
+        nu = self.material.poisson
         return 2 * self.material.shear_modulus_0 * (1 + nu) / (3 * (1 - 2 * nu))
 
     @property
@@ -55,14 +54,16 @@ class Silicone:
             )
         return found
 
-    def check(self) -> None:
+    def check(self, where: str) -> None:
         """Refuse a law that no deck has.
+
+        Args:
+            where: What a sentence begins with.
 
         Raises:
             CaseError: It is one.
         """
         material = self.material
-        where = "" if self.name == MAIN else f"region {self.name}: "
         if not (material.invariant_terms or material.stretch_terms):
             raise CaseError(
                 f"{where}{material.name} is a law that neither CalculiX nor FEBio has; fit or name one of Mooney-Rivlin, Yeoh "
@@ -85,4 +86,5 @@ def silicones_of(material: Material, parts: Iterable[object], regions: Iterable[
     """
     others = [Silicone(part.name, part.material, (part.name,)) for part in parts if isinstance(part, Region)]
     named = {one.name for one in others}
-    return (Silicone(MAIN, material, tuple(name for name in regions if name not in named)), *others)
+    main = f"main_{MAIN}" if MAIN in named else MAIN
+    return (Silicone(main, material, tuple(name for name in regions if name not in named)), *others)
