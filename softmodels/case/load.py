@@ -131,6 +131,11 @@ class Load:
             self._check_driven(self.driven, actuator)
         if self.cycle and not (self.pressures_cm or (self.driven and not self.driven.held)):
             raise CaseError("--cycle raises and lowers a pressure or a force; give --pressure-cm or --force-N with it")
+        if self.cycle and (rubs := self._remembering):
+            raise CaseError(
+                f"--cycle reads its states off one curve, and {rubs} has friction, which depends on the way there; lower the "
+                "pressure by a series in a case file instead (cavity1.pressure_cm = [40, 0])"
+            )
         if self.cycle and self.control != "auto":
             raise CaseError("--cycle chooses by itself what it follows; leave out --control")
         self._check_supply(actuator)
@@ -144,12 +149,19 @@ class Load:
         if not 100.0 <= self.water_density <= 20000.0:
             raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
 
+    @property
+    def _remembering(self) -> str:
+        """The table of a part whose forces depend on the states before; empty if none do."""
+        return next((part.where for part in self.parts if part.remembers), "")
+
     def check_band(self) -> None:
         """Refuse a load whose states are not those of one pressure or volume.
 
         Raises:
             CaseError: A supply, a program or a cycle.
         """
+        if rubs := self._remembering:
+            raise CaseError(f"a band is not told where there is friction, as at {rubs}: leave out --band, or friction")
         if self.program or self.supply is not None or self.cycle or self.driven is not None:
             raise CaseError(
                 "a band is told of states at requested pressures or volumes; leave out --band, or supply, cycle, requested "
@@ -162,6 +174,8 @@ class Load:
         Raises:
             CaseError: A program or a cycle.
         """
+        if rubs := self._remembering:
+            raise CaseError(f"--branch does not follow a device with friction, as at {rubs}; leave one of them out")
         if self.program:
             raise CaseError("--branch does not follow a series for each cavity; leave one of them out")
         if self.cycle:

@@ -72,6 +72,10 @@ class AssembledTerm(Term):
     def stiffness_here(self) -> scipy.sparse.csr_array:
         """Second derivative of the energy, shape (n d, n d)."""
 
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array | None:
+        """Derivative of the forces where it is not `stiffness_here`, and not symmetric; None where it is."""
+        return None
+
     @abc.abstractmethod
     def coupled(self) -> scipy.sparse.csr_array:
         """Nodes that are coupled, or soon may be: true where they are, shape (n, n), symmetric."""
@@ -87,7 +91,7 @@ class AssembledTerm(Term):
         values = self.nodes.values(w)
         if not np.array_equal(values, self._state):
             self._state = values
-            self._matrix: scipy.sparse.csr_array | None = None
+            self._matrices: dict[bool, scipy.sparse.csr_array] = {}
             self.move(np.asarray(self.nodes.places + values @ self.nodes.skew.T))
 
     @property
@@ -119,20 +123,27 @@ class AssembledTerm(Term):
         if rates is not None:
             b[self.nodes.local] += (rates @ self.nodes.skew * self._free)[self.nodes.mine]
 
-    def matrix(self, w: Array) -> scipy.sparse.csr_array:
-        """Second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d)."""
+    def matrix(self, w: Array, whole: bool = False) -> scipy.sparse.csr_array:
+        """Second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d).
+
+        Args:
+            w: The state.
+            whole: Whether it is the derivative of the forces, where that is another one.
+        """
         import scipy
 
         self._take(w)
-        if self._matrix is None:
+        if whole not in self._matrices:
             turn = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
             free = scipy.sparse.diags_array(self._free.ravel().astype(float))
-            self._matrix = scipy.sparse.csr_array(free @ (turn.T @ self.stiffness_here() @ turn) @ free)
-        return self._matrix
+            stiffness = self.whole_stiffness_here() if whole else None
+            stiffness = self.stiffness_here() if stiffness is None else stiffness
+            self._matrices[whole] = scipy.sparse.csr_array(free @ (turn.T @ stiffness @ turn) @ free)
+        return self._matrices[whole]
 
-    def add_product(self, w: Array, x: Array, y: Array) -> None:
-        """Add the second derivative at w times owned entries ``x`` to owned entries ``y``."""
-        product = (self.matrix(w) @ self.nodes.values(x).ravel()).reshape(self.nodes.dofs.shape)
+    def add_product(self, w: Array, x: Array, y: Array, whole: bool = False) -> None:
+        """Add the second derivative at w, or with ``whole`` that of the forces, times owned entries ``x`` to ``y``."""
+        product = (self.matrix(w, whole) @ self.nodes.values(x).ravel()).reshape(self.nodes.dofs.shape)
         y[self.nodes.local] += product[self.nodes.mine]
 
     def add_to(self, K: PETSc.Mat, w: Array) -> None:
@@ -181,12 +192,21 @@ class AssembledTerms:
     Args:
         terms: The system's terms.
         bcs: Conditions of the unknowns.
+
+    Attributes:
+        whole: Whether products are with the derivative of the forces where that is not symmetric: in Newton's method alone.
     """
 
     def __init__(self, terms: Iterable[Term], bcs: Sequence[fem.DirichletBC]):
         self._terms = [term for term in terms if isinstance(term, AssembledTerm)]
+        self.whole = False
         for term in self._terms:
             term.bcs = bcs
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the forces of one of them depend on the states before."""
+        return any(term.remembers for term in self._terms)
 
     @property
     def slack(self) -> int:
@@ -211,7 +231,7 @@ class AssembledTerms:
     def add_product(self, w: Array, x: Array, y: Array) -> Array:
         """See `AssembledTerm.add_product`; returns ``y``."""
         for term in self._terms:
-            term.add_product(w, x, y)
+            term.add_product(w, x, y, self.whole)
         return y
 
     def add_to(self, K: PETSc.Mat, w: Array) -> None:

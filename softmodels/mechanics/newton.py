@@ -60,7 +60,9 @@ class Newton:
         snes.setType("newtonls")
         snes.setFunction(weakly(self._residual), self.f)
         snes.setJacobian(weakly(self._jacobian), bordered.mat)
-        snes.getLineSearch().setType("basic")
+        # Where friction turns round, a whole step goes from sliding one way to sliding the other, and back again.
+        snes.getLineSearch().setType("bt" if system.assembled.remembers else "basic")
+        snes.setTolerances(stol=0.0)  # a short step is no state of equilibrium
         snes.setLineSearchPreCheck(weakly(self._guard))
         snes.setConvergenceTest(weakly(self._converged))
         snes.setMaxLinearSolveFailures(3)
@@ -79,7 +81,11 @@ class Newton:
         self.control, self._since = control, since
         self._most = most or self.bordered.inverse.most_newton
         self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
-        self.snes.solve(None, self.x)
+        self.system.assembled.whole = True
+        try:
+            self.snes.solve(None, self.x)
+        finally:
+            self.system.assembled.whole = False
         reason: Any = self.snes.getConvergedReason()  # an int, whatever its stub has
         if reason <= 0:
             self.kept.spoil()
@@ -206,5 +212,6 @@ _REASONS = {
     -3: "the linear solver failed",
     -4: "the residual is not a number",
     -5: "no convergence in {most} iterations",
+    -6: "no step made the residual smaller",
     -9: "the residual grew a thousandfold",
 }

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from softmodels.materials.material import Material
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.causes import Cause
+    from softmodels.mechanics.foresight import Foresight
 
     Array = npt.NDArray[np.float64]
 
@@ -84,7 +85,7 @@ class Part(abc.ABC):
             raise PartError(f"{self.where}: a name is of letters, digits and '_' and begins with a small letter")
         self.check()
 
-    def check(self) -> None:  # noqa: B027 - most have nothing to check
+    def check(self) -> None:  # noqa: B027
         """Check the fields against each other; `PartError` for what cannot be meant."""
 
     def check_on(self, actuator: Actuator) -> None:  # noqa: B027
@@ -122,6 +123,11 @@ class Part(abc.ABC):
         device, the mesh goes as its cells like it, and not where the parameters say.
         """
         return "whose gradients are not known"
+
+    @property
+    def remembers(self) -> bool:
+        """Whether its forces depend on the states before, as friction's do, and not on the state alone."""
+        return False
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -187,24 +193,6 @@ class Setting:
     per_pascal: fem.Constant
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Foresight:
-    """What a term's stress is foreseen from in Newton's matrix, and the matrix' two directions.
-
-    Attributes:
-        known: The unknowns of another state.
-        displacement: Skew components of the displacement in them, in UFL.
-        move: From there to the current state.
-        test, trial: Directions.
-    """
-
-    known: fem.Function
-    displacement: Expr
-    move: fem.Function
-    test: Expr
-    trial: Expr
-
-
 class Matter(Protocol):
     """One of the materials of a device: its law, and its owned local cells."""
 
@@ -243,9 +231,11 @@ class Term:
     Attributes:
         energies: UFL integrals of the slice, lengths in sizes of the device and stresses in shear moduli of the silicone:
             a stiffness in Pa is multiplied by `Setting.per_pascal`, once, so that fits know its derivative.
+        remembers: Whether its forces depend on the states before; see `keep`.
     """
 
     energies: list[ufl.Form]
+    remembers: ClassVar[bool] = False
 
     @property
     def stiffness(self) -> float:
@@ -269,6 +259,14 @@ class Term:
     def breakdown(self, equations: Equations) -> Cause | None:
         """Why it has no stable state of its own in the state that is loaded, the same on all ranks; None where it has."""
         return None
+
+    def keep(self, w: Array, anew: bool = False) -> None:
+        """Take up that the device has come to a state, from which it goes on: what it remembers is that state's.
+
+        Args:
+            w: This rank's owned entries, and possibly more behind them.
+            anew: Whether a path begins there, and nothing of before counts.
+        """
 
     def admits(self, before: Array, after: Array) -> bool:
         """Whether the device may go from one state to another in one step, the same on all ranks.

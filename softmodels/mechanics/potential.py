@@ -23,7 +23,8 @@ from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.contact import Contact, Obstacle
 from softmodels.mechanics.coupling import Coupling
-from softmodels.mechanics.parts import EnergyPart, Foresight, Part, Setting
+from softmodels.mechanics.foresight import Foresight
+from softmodels.mechanics.parts import EnergyPart, Part, Setting
 from softmodels.mechanics.region_space import jumping
 from softmodels.mechanics.regions import Regions, constants
 from softmodels.mechanics.sheet import Sheet, membrane_energy, membrane_stress, membrane_tangent, surface_metric
@@ -180,6 +181,11 @@ class Potential:
     def admits(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
         """Whether the device may go from one state's w to another's in one step: no wall passes through what stops it."""
         return all(term.admits(before, after) for term in self.terms.values())
+
+    def keep(self, w: npt.NDArray[np.float64], anew: bool = False) -> None:
+        """Take up that the device has come to a state's w; see `softmodels.mechanics.parts.Term.keep`."""
+        for term in self.terms.values():
+            term.keep(w, anew)
 
     # -- values -------------------------------------------------------------------------------------------------------
 

@@ -1,8 +1,8 @@
-"""Rigid shapes that faces of the device come to rest on: a sphere, a cylinder, a capsule, from outside or from within.
+"""Rigid shapes that faces of the device come to rest on: a sphere, a cylinder, a capsule, from outside or from within; a plane.
 
 One from an STL file is in `softmodels.mechanics.stl_shapes`, the distance from others in `softmodels.mechanics.round_shapes`.
 With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
-phi(max(-g, 0)); see `softmodels.mechanics.contact`. It is without friction. A shape stands still, or gives way along a line.
+phi(max(-g, 0)); see `softmodels.mechanics.contact`. A shape stands still, and faces may rub on it, or gives way along a line.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ from softmodels.mechanics.load_directions import direction
 from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import PartError, Setting, Term, register_part
 from softmodels.mechanics.round_shapes import Numbers
+from softmodels.mechanics.rubbing_shapes import RubbingShapeTerm, check_friction
 from softmodels.mechanics.shape_terms import SampledShapeTerm, ShapeTerm
 from softmodels.mechanics.stl_shapes import FileShapeTerm, check_file_on, crossed_by_file
 
 Array = npt.NDArray[np.float64]
 
-SHAPES = ("sphere", "cylinder", "capsule", "stl")
+SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")
 ENDLESS = 1e3
 """Half length of a cylinder in sizes of the device."""
 DEEPEST = 0.05
@@ -41,14 +42,15 @@ DEEPEST = 0.05
 @register_part
 @dataclasses.dataclass(frozen=True)
 class RigidShape(ContactPart):
-    """A rigid shape without friction, and the faces that it stops.
+    """A rigid shape, and the faces that it stops.
 
     Attributes:
         shape: One of `SHAPES`.
         faces: Roles of the facets that it stops, such as ``"outer"`` or ``"top, outer"``; others pass through it.
-        at: A point in m: the middle of a sphere or capsule, a point on a cylinder's axis, where the origin of an STL file goes.
-        radius: Radius in m.
-        along: Direction of a cylinder's or capsule's axis.
+        at: A point in m: the middle of a sphere or capsule, a point on a cylinder's axis or in a plane, where the origin of an
+            STL file goes.
+        radius: Radius in m; a plane has none.
+        along: Direction of a cylinder's or capsule's axis, or of a plane's normal, which points to the device.
         length: Distance in m between the middles of a capsule's two ends.
         hollow: Whether the device lies within the shape, as in a tube.
         file, unit: An STL file, and the unit of its lengths.
@@ -57,19 +59,27 @@ class RigidShape(ContactPart):
         guide: Direction along which it gives way, as `softmodels.mechanics.load_directions.direction` reads it; empty for none.
         spring: Stiffness in N/m of a spring that holds it there.
         mass: In kg; its weight pulls against the guide, and a stand holds it where it is until it is lifted.
+        friction: Coefficient of Coulomb friction of the faces on a shape that stands still.
+        slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
     """
 
     shape: str = choice_field(
-        "sphere", SHAPES, "a sphere, a cylinder without ends, a capsule (a cylinder with round ends), or an STL file"
+        "sphere",
+        SHAPES,
+        "a sphere, a cylinder without ends, a capsule (a cylinder with round ends), a plane, or an STL file",
     )
     faces: str = field_of(Words(), "faces that it stops, such as outer or 'top, outer'", "")
     at: tuple[float, ...] = field_of(
         Several(Length(zero=True, signed=True)),
-        "middle of a sphere or capsule, a point on a cylinder's axis, or where an STL file's origin goes",
+        "middle of a sphere or capsule, a point on a cylinder's axis or in a plane, or where an STL file's origin goes",
         (),
     )
     radius: float = length_field(0.0, "radius of the shape", zero=True)
-    along: tuple[float, ...] = list_field((0.0, 1.0, 0.0), "direction of a cylinder's or capsule's axis", numbers=True)
+    along: tuple[float, ...] = list_field(
+        (0.0, 1.0, 0.0),
+        "direction of a cylinder's or capsule's axis, or of a plane's normal to the device's side",
+        numbers=True,
+    )
     length: float = length_field(0.0, "distance between the middles of a capsule's round ends", zero=True)
     hollow: bool = field_of(Flag(), "the device lies within the shape, as in a tube", False)
     file: str = field_of(Words(), "STL file of the shape's closed surface", "")
@@ -89,6 +99,13 @@ class RigidShape(ContactPart):
         "mass of a shape with a guide: it lies on a stand until it is lifted, its weight against the guide",
         0.0,
     )
+    friction: float = field_of(
+        Quantity(), "coefficient of Coulomb friction of the faces on a shape that stands still", 0.0
+    )
+
+    slip: float = length_field(
+        0.0, "way over which friction sets in, without sliding; 0 for a thousandth of the device's size", zero=True
+    )
 
     table: ClassVar[str] = "contact"
     always_named: ClassVar[bool] = True
@@ -96,6 +113,9 @@ class RigidShape(ContactPart):
         r"(\w+)_force_([xyz])_N": ("force on {0}", "of the device on that rigid shape, along the named axis"),
         r"(\w+)_depth_mm": ("depth in {0}", "how deep the stopped faces have sunk into it"),
         r"(\w+)_way_mm": ("way of {0}", "how far that rigid shape has given way along its guide"),
+        r"(\w+)_sliding": ("share that slides on {0}", "of the force that presses the faces on it; the rest sticks"),
+        r"(\w+)_slip_mm": ("largest slip on {0}", "how far a point of the faces has slid on it"),
+        r"(\w+)_friction_mJ": ("friction on {0}", "work that sliding on that rigid shape has taken so far"),
     }
 
     def check(self) -> None:
@@ -107,12 +127,19 @@ class RigidShape(ContactPart):
             raise PartError(f"{self.where}: a place has three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
         self.check_stiffness()
         check_guide(self)
+        check_friction(self)
         if self.shape == "stl":
             self._check_file()
             return
         if self.file or self.rounding:
             raise PartError(f"{self.where}: a {self.shape} has no file and no rounding; shape = 'stl' has")
-        if self.radius <= 0.0:
+        if self.shape == "plane":
+            if self.radius or self.length or self.hollow:
+                raise PartError(
+                    f"{self.where}: a plane has a point (at) and a normal to the device's side (along), and no radius, length "
+                    "or hollow"
+                )
+        elif self.radius <= 0.0:
             raise PartError(f"{self.where}: a {self.shape} needs a radius above zero (radius = '5 mm')")
         if len(self.along) != 3 or not any(self.along):
             raise PartError(
@@ -146,21 +173,28 @@ class RigidShape(ContactPart):
     def in_model(self) -> str:
         kind = f"shape of {self.file}," if self.file else self.shape
         gives = f" and gives way along {self.guide} alone, without turning" if self.guide else ""
-        return f"; the rigid {kind} {self.name} stops {self.faces} alone, without friction{gives}"
+        rubs = f"with a coefficient of friction of {self.friction:g}" if self.friction else "without friction"
+        return f"; the rigid {kind} {self.name} stops {self.faces} alone, {rubs}{gives}"
+
+    @property
+    def remembers(self) -> bool:
+        return self.friction > 0.0
 
     def half(self, size: float) -> float:
         """Half the length of the line in its middle, in sizes of the device."""
-        return {"sphere": 0.0, "cylinder": ENDLESS, "capsule": self.length / 2 / size}[self.shape]
+        return {"cylinder": ENDLESS, "capsule": self.length / 2 / size}.get(self.shape, 0.0)
 
     def deepest(self, size: float) -> float:
         """Depth in sizes of the device at which a state is refused."""
-        return DEEPEST if self.hollow else min(DEEPEST, 0.5 * self.radius / size)
+        return DEEPEST if self.hollow or self.shape == "plane" else min(DEEPEST, 0.5 * self.radius / size)
 
     def crossed(self, actuator: Actuator) -> list[Array]:
         """Normals of the cut planes that it crosses."""
         if self.file:
             return crossed_by_file(self, actuator)
         normals = [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
+        if self.shape == "plane":
+            return normals
         return [normal for normal in normals if abs(np.asarray(self.at) @ normal) < self.radius]
 
     def check_on(self, actuator: Actuator) -> None:
@@ -183,6 +217,13 @@ class RigidShape(ContactPart):
             return
         for plane in actuator.cut_planes:
             normal = np.asarray(plane.normal)
+            if self.shape == "plane":
+                if abs(float(along @ normal)) > 1e-9:
+                    raise PartError(
+                        f"{self.where}: the plane is not square to the cut plane {plane.name}, and so not its own mirror image "
+                        "there; turn it, or model the whole device"
+                    )
+                continue
             beyond, lean = float(at @ normal), abs(float(along @ normal))
             reach = self.radius + (0.0 if self.shape == "sphere" else self.half(1.0) * lean)
             askew = self.shape != "sphere" and 1e-9 < lean < 1 - 1e-9
@@ -199,7 +240,7 @@ class RigidShape(ContactPart):
         return (
             np.asarray(self.at) / size,
             self.direction,
-            self.radius / size,
+            None if self.shape == "plane" else self.radius / size,
             self.half(size),
             -1.0 if self.hollow else 1.0,
         )
@@ -210,7 +251,7 @@ class RigidShape(ContactPart):
 
     def term(self, setting: Setting) -> Term:
         check_mesh_faces(setting.body, self.roles, self.where)
-        if self.guide:
+        if self.guide or self.friction:
             standing = FileShapeTerm(self, setting) if self.file else SampledShapeTerm(self, setting)
-            return GuidedShapeTerm(self, standing, setting)
+            return (GuidedShapeTerm if self.guide else RubbingShapeTerm)(self, standing, setting)
         return FileShapeTerm(self, setting) if self.file else ShapeTerm(self, setting)

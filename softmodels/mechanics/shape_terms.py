@@ -91,7 +91,9 @@ class ShapeTerm(Term):
         body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
         check_rest(shape, body)
         self.numbers = shape.numbers(size)
-        self._constants = constants = tuple(fem.Constant(mesh, value) for value in self.numbers)
+        self._place = fem.Constant(mesh, self.numbers[0])
+        others = (None if value is None else fem.Constant(mesh, value) for value in self.numbers[1:])
+        constants = (self._place, *others)
         onset, soft = ONSET_PRESSURE / shape.stiffness, HARDENS * shape.deepest(size)
         stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
         place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
@@ -110,7 +112,7 @@ class ShapeTerm(Term):
         """Put the shape somewhere else, in m: an indenter that comes down from state to state."""
         place = np.asarray(at, dtype=float) / self.body.actuator.size
         self.numbers = (place, *self.numbers[1:])
-        self._constants[0].value = place
+        self._place.value = place
 
     def compile(self, equations: Equations) -> None:
         self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self._forces]

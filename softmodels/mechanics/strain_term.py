@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.cell_measure import cell_measure
-from softmodels.mechanics.parts import Equations, Foresight, PartError, Setting, Term
+from softmodels.mechanics.foresight import Foresight
+from softmodels.mechanics.parts import Equations, PartError, Setting, Term
 
 if TYPE_CHECKING:
     import ufl

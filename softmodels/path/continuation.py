@@ -46,6 +46,7 @@ class Continuation:
         largest_growth: Cavity volumes at which a path to a pressure is given up.
         start: Where the path begins; the undeformed state if None.
         report: Takes sentences on what is going on.
+        recall: Lets parts remember what they do where a path goes on.
 
     Attributes:
         trail: Its last points, once it has begun; with it ``plane``, its scales, and ``corrector``, which finds its states.
@@ -58,6 +59,7 @@ class Continuation:
     largest_growth: float = LARGEST_GROWTH
     start: State | None = None
     report: Callable[[str], None] = lambda text: None
+    recall: Callable[[], None] = lambda: None
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
@@ -69,12 +71,13 @@ class Continuation:
         rest = solver.system.rest()
         V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
+        solver.system.potential.keep(start.w, anew=self.start is None)
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
         self.V0, self.plane = start.V, Plane.of(V_scale, tangent.compliance)
         self.requested = self.requested.from_volume(self.V0)
         known = (Pressure(), AddedVolume(self.V0), ArcLength(self.plane), self.requested)
-        self._known: dict[str, Followed] = {followed.name: followed for followed in known}
+        self._known: dict[str, Followed] = {one.name: one for one in known}
         self.trail = Trail(solver)
         self.trail.line = self.requested.name if self.control == "auto" else self.control
         self.corrector = Corrector(solver, self.trail, self.plane)
@@ -83,13 +86,13 @@ class Continuation:
         self.trail.stability.start()
         signature = self.trail.stability.signature(exact=True)
         step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
-        return self.keep(
-            Point(start, tangent, False, False, step, self.trail.line, True, solver.kept.age, stiffest, signature)
-        )
+        first = Point(start, tangent, False, False, step, self.trail.line, True, solver.kept.age, stiffest, signature)
+        return self.keep(first)
 
     def resume(self, points: Sequence[Point]) -> None:
         """Go on from points of an earlier trace; see `Trail.restore`."""
         self.begin()
+        self.recall()
         self.trail.restore(points, self.corrector.tangent)
 
     def keep(self, point: Point) -> Point:
@@ -127,8 +130,6 @@ class Continuation:
             return events(self.corrector, self.requested, before, after, self.report)
         except NoConvergence as failure:
             raise lost(self.corrector, self.requested, "a limit point on the way was not found", failure) from failure
-
-    # -- one step -----------------------------------------------------------------------------------------------------
 
     def advance(self, step: float, goal: float) -> Point:
         """One step towards the requested value ``goal``; shortened until it succeeds.
@@ -173,8 +174,6 @@ class Continuation:
         s, t = self.last.state, self.last.tangent
         per, along = self.requested.rate(s, t), self.followed.rate(s, t)
         return self.largest_step * abs(along / per) if per else math.inf
-
-    # -- what is followed ---------------------------------------------------------------------------------------------
 
     def choose(self, past_limit: bool) -> None:
         """Under ``auto``, follow the requested quantity where the device is stiff and the volume where it softens."""

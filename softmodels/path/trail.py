@@ -39,6 +39,7 @@ class Trail:
     def keep(self, point: Point) -> Point:
         """Make a point the last one, with what a restart needs to go on as this path does."""
         kept = self.solver.kept
+        self.solver.system.potential.keep(point.state.w)
         point = dataclasses.replace(
             point, factorised=kept.base is point.state, age=kept.age, worn=kept.worn,
             largest=self.stability.largest,

@@ -25,8 +25,10 @@ def profile(shape: RigidShape, reach: float) -> Array:
 
     Args:
         shape: The shape.
-        reach: Half the length in m of which a cylinder without ends is drawn.
+        reach: Half the length in m of which a cylinder without ends is drawn, and the radius of a plane's disk.
     """
+    if shape.shape == "plane":
+        return np.array([[0.0, 0.0], [0.0, reach]])
     if shape.shape == "cylinder":
         return np.array([[-reach, shape.radius], [reach, shape.radius]])
     angle = np.linspace(0.0, np.pi / 2, ALONG)
@@ -65,15 +67,18 @@ def way(states: States, shape: RigidShape, step: float) -> Array:
 
 
 def shape_layers(states: States, step: float) -> list[Layer]:
-    """Translucent surfaces of the shapes beside a device at a step; a cylinder overtops the device a little."""
+    """Translucent surfaces of the shapes beside a device at a step; a cylinder and a plane overtop it a little."""
     style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
     skin, shapes, found = states.skin, shapes_of(states), list[Layer]()
     if not shapes:
         return found
     device = skin.device(skin.points(states.moved(states.main)))
     for shape in shapes:
-        along = (device - np.asarray(shape.at)) @ shape.direction
-        points, triangles = shape_surface(shape, 1.1 * float(np.abs(along).max()))
+        way_off = device - np.asarray(shape.at)
+        along = way_off @ shape.direction
+        beside = np.linalg.norm(way_off - np.outer(along, shape.direction), axis=1)
+        reach = beside if shape.shape == "plane" else np.abs(along)
+        points, triangles = shape_surface(shape, 1.1 * float(reach.max()))
         found.append((surface(points + way(states, shape, step), triangles), style))
     return found
 

@@ -130,6 +130,13 @@ def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Poin
     return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
+def recall(results: Stored, fields: Fields, comm: MPI.Comm, steps: Sequence[int]) -> None:
+    """Let what parts remember, such as where friction holds their faces, be as after stored steps, through which it goes."""
+    potential = fields.system.potential
+    for step in steps if fields.system.assembled.remembers else ():
+        potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0)[0].w)
+
+
 class Stored(Protocol):
     """Where the fields of stored steps are, such as a `Results`."""
 

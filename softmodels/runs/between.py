@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ import numpy.typing as npt
 from softmodels.case.case import Case
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.results.outcomes import RunError
-from softmodels.results.resume import stored_point
+from softmodels.results.resume import recall, stored_point
 from softmodels.runs.failures import sentences
 from softmodels.runs.simulation import Simulation, temporary_folder
 from softmodels.runs.states import InMemory, SolvedState, Source, state_of
@@ -80,6 +81,8 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
         stored_point(stored, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
     )
     path = Continuation(simulation.solver, simulation.quantity(quantity), start=simulation.beginning.state())
+    solved = [step for step in range(ends[0] + 1) if step not in passed]
+    path.recall = functools.partial(recall, stored, fields, comm, solved)
     try:
         path.resume([*points[:-1], dataclasses.replace(points[-1], factorised=True)])
         tangent = path.corrector.tangent(after.state)

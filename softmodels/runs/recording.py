@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE
-from softmodels.results.resume import last_stop, stopped_at, stored_points
+from softmodels.results.resume import last_stop, recall, stopped_at, stored_points
 from softmodels.results.row import Row
 from softmodels.results.stability_report import unlocated, unseen
 from softmodels.results.state_words import state_words
@@ -95,14 +96,16 @@ def _begun(simulation: Simulation, results: Results) -> Begun:
     rows = on_root(comm, lambda: results.rows)
     if case.cycle:
         return Begun(rows)
+    solved = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if not row["bifurcation"]])
+    again = functools.partial(recall, results, fields, comm, solved)
     if case.program:
         stop = last_stop(case, results, fields, comm)
         simulation.listener.say(f"going on from step {stop.number} of the program")
-        return Begun(rows, stop=stop)
+        return Begun(rows, stop=stop, recall=again)
     left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
     points = stored_points(results, fields, comm)
     simulation.listener.say(f"going on from step {len(rows) - 1}")
-    return Begun(rows, left, points)
+    return Begun(rows, left, points, recall=again)
 
 
 def _record_branch(simulation: Simulation, results: Results) -> None:

@@ -171,7 +171,7 @@ class Simulation:
         last = begun.rows[-1] if begun.rows else None
         goals = self._goals()
         self._path = path = self._continuation(goals[-1])
-        path.start = self.beginning.state()
+        path.start, path.recall = self.beginning.state(), begun.recall
         if begun.rows and not case.cycle:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
         try:
@@ -220,6 +220,7 @@ class Simulation:
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
             hung, say = self.beginning.hung(), self.listener.say
+            begun.recall()
             for come, point in follow(self.solver, case.program, case.cm, case.control, say, begun.stop, hung):
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)

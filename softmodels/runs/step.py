@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -69,12 +69,14 @@ class Begun:
         left: Which of the case's requested values are still to come.
         points: The points to go on from; see `Continuation.resume`.
         stop: The same of a program: the end of its last complete step.
+        recall: Lets parts remember what they do after those states; called where the path has begun.
     """
 
     rows: Sequence[Row] = ()
     left: Sequence[bool] = ()
     points: Sequence[Point] = ()
     stop: Stop | None = None
+    recall: Callable[[], None] = lambda: None
 
 
 FROM_REST = Begun()

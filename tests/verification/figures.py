@@ -59,6 +59,7 @@ def figures(
             found["wedge, rates and outline"] = rates(equations, 0.1)
     found["wedge whose walls meet"] = meeting(comm, wedge)
     found["wedge that lifts a ball of triangles"] = _beside("lifting").figures(comm, WEDGE, wedge)
+    found["wedge that rubs on a plate, there and back"] = _beside("rubbing").figures(comm, WEDGE, wedge)
     equations = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495)))
     found["section past its limit, rates and outline"] = rates(equations, 6.0)
     points = []

@@ -59,6 +59,11 @@ class MeasuredDevice:
                 raise FitError(
                     f"the case has a {loads[0].where}, and a fit begins every device from its undeformed state; leave it out"
                 )
+            if rubbing := [part.where for part in device.parts if part.remembers]:
+                raise FitError(
+                    f"{rubbing[0]} has friction, whose derivatives by the material a fit does not know; leave it out "
+                    "(friction = 0)"
+                )
             case, section = device, as_section(device.actuator)
             around = (case.sheet, case.obstacle, case.parts, case.solver)
             return cls(section, case.name, case.material, case.formulation, *around)

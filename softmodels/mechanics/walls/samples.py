@@ -68,15 +68,21 @@ class PressedSamples(abc.ABC):
         """Second derivative of the energy, shape (n d, n d); nodes' components follow each other."""
         import scipy
 
+        found = self.scattered(self.curvatures())
+        return scipy.sparse.csr_array((found + found.T) / 2)
+
+    def scattered(self, curvatures: Array) -> scipy.sparse.csr_array:
+        """The matrix, shape (n d, n d), of what is by the place of each sample that touches, shape (t, d, d)."""
+        import scipy
+
         n, d = self.nodes.shape
         touching = np.flatnonzero(self.touching)
         if not len(touching):
             return scipy.sparse.csr_array((n * d, n * d))
         shapes = self.surface.shapes[touching]
         dofs = components_of(self.surface.facets[self.surface.owner[touching]], d)
-        blocks = np.einsum("sa,sb,sij->saibj", shapes, shapes, self.curvatures())
-        found = scattered(blocks.reshape(len(touching), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
-        return scipy.sparse.csr_array((found + found.T) / 2)
+        blocks = np.einsum("sa,sb,sij->saibj", shapes, shapes, curvatures)
+        return scattered(blocks.reshape(len(touching), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
 
     def near_facets(self, share: float) -> Numbers:
         """Nodes of the facets with a sample that touches or soon may, shape (f, k)."""
