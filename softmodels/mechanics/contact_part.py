@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 
 class ContactPart(EnergyPart):
-    """Faces that are pressed on without friction; a kind is a dataclass of it with the fields below.
+    """Faces that are pressed on; a kind is a dataclass of it with the fields below.
 
     Attributes:
         faces: Roles of the facets, with commas between.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,13 +75,21 @@ def shape_layers(states: States, step: float) -> list[Layer]:
         return found
     device = skin.device(skin.points(states.moved(states.main)))
     for shape in shapes:
-        way_off = device - np.asarray(shape.at)
-        along = way_off @ shape.direction
-        beside = np.linalg.norm(way_off - np.outer(along, shape.direction), axis=1)
-        reach = beside if shape.shape == "plane" else np.abs(along)
-        points, triangles = shape_surface(shape, 1.1 * float(reach.max()))
+        drawn, reach = shape, 1.1 * float(np.abs((device - np.asarray(shape.at)) @ shape.direction).max())
+        if shape.shape == "plane":
+            drawn, reach = below(shape, device)
+        points, triangles = shape_surface(drawn, reach)
         found.append((surface(points + way(states, shape, step), triangles), style))
     return found
+
+
+def below(plane: RigidShape, device: Array) -> tuple[RigidShape, float]:
+    """A plane with its point next to the middle of a device, points of shape (n, 3), and the radius of what is drawn of it."""
+    middle, normal = (device.min(axis=0) + device.max(axis=0)) / 2, plane.direction
+    foot = middle - ((middle - np.asarray(plane.at)) @ normal) * normal
+    beside = device - foot
+    beside = beside - np.outer(beside @ normal, normal)
+    return dataclasses.replace(plane, at=tuple(map(float, foot))), 1.1 * float(np.linalg.norm(beside, axis=1).max())
 
 
 def draw_outlines(axes: Axes, states: States, step: int) -> None:
