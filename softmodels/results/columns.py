@@ -73,9 +73,9 @@ def load_columns(row: Row) -> list[str]:
 def _height(solved: Solved) -> float:
     """Of the water column in cm."""
     height = solved.pressure / solved.case.cm
-    if solved.point.requested and solved.case.pressures_cm:  # as it was typed, without the rounding of two conversions
-        height = min(solved.case.pressures_cm, key=lambda asked: abs(asked - height))
-    return height
+    asked = solved.case.pressures_cm if solved.point.requested else ()
+    # As it was typed, without the rounding of two conversions.
+    return next((typed for typed in asked if math.isclose(typed, height, rel_tol=1e-9)), height)
 
 
 def _stroke(solved: Solved) -> float:

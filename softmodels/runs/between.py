@@ -87,7 +87,7 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
         path.resume([*points[:-1], dataclasses.replace(points[-1], factorised=True)])
         tangent = path.corrector.tangent(after.state)
         value = wanted / simulation.beginning.unit_of(quantity)
-        found = path.between(path.last, dataclasses.replace(after, tangent=tangent), value)
+        found = path.keep(path.between(path.last, dataclasses.replace(after, tangent=tangent), value))
     except NoConvergence as failure:
         raise RunError(f"the state between steps {ends[0]} and {ends[1]} was not found ({failure})") from failure
     return simulation.step_of(found, ends[0])

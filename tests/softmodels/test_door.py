@@ -80,6 +80,7 @@ def test_the_example(monkeypatch, tmp_path, capfd):
     assert (np.diff(run.apex) > 0).all()
     assert run.apex[-1] == pytest.approx(4.317e-3, rel=1e-3)
     assert state.pressure == pytest.approx(70 * CM, rel=1e-9)
+    assert state.row["pressure_cm"] == pytest.approx(70, rel=1e-9)
     assert np.interp(state.pressure, run.pressure, run.added_volume) == pytest.approx(state.added_volume, rel=2e-2)
     assert "cm of water" in figure.axes[0].get_xlabel()
     assert figure._repr_png_()[:4] == b"\x89PNG"

@@ -132,6 +132,13 @@ def pressed_disk():
     return found
 
 
+def test_a_state_between_two_remembers_what_they_do(pressed_disk):
+    run = sm.inflate(SECTION, LAW, "0:120 cm", parts=[PLATE])
+    row, beside = run.at("100 cm").row, pressed_disk[24]
+    for column, apart in (("added_volume_ml", 1e-3), ("plate_force_z_N", 5e-3), ("plate_friction_mJ", 0.1)):
+        assert row[column] == pytest.approx(np.interp(100.0, beside["pressure_cm"], beside[column]), rel=apart)
+
+
 def test_air_works_for_what_is_stored_and_lost(pressed_disk, figure):
     path = pressed_disk[96]
     P, V = path["pressure_Pa"], 1e-6 * path["added_volume_ml"]
