@@ -18,7 +18,7 @@ from measurement.own_folder import OwnFolderError
 from measurement.result_folder import ResultFolder
 from measurement.units import UnitError
 from softmodels.case.case import Case, CaseError
-from softmodels.cli.fit_options import FitGiven, curve_changes, device_changes, fit_options
+from softmodels.cli.fit_options import FitGiven, curve_changes, device_changes, fit_options, heights_from_option
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
 from softmodels.fitting.curves.contradiction import separate_file
@@ -45,6 +45,7 @@ from softmodels.runs.progress import Progress
               help="Fit the largest deflections at the pressures, as the thesis did, in place of outlines.")  # fmt: skip
 @click.option("--free", multiple=True, metavar="NAME", help="With a case: free poisson, or a length such as membrane.")
 @click.option("--untrusted", is_flag=True, help="Take outlines that the measurement does not trust, too.")
+@heights_from_option
 @click.option("--without", multiple=True, metavar="PHOTOGRAPH", help="Leave a photograph out, such as 4.jpg.")
 @click.option("--silicone", metavar="NAME", help="What the part was cast of, such as ecoflex-00-30: its known moduli show "
               "pressures in a wrong unit. any: in no list.  [default: the case's material]")  # fmt: skip
@@ -80,6 +81,7 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
     that device at all pressures (files or folders that python -m measurement photos has made), alone or together with curves.
     What the bench may have got wrong is fitted too, within what is believable: an offset and a unit of pressure, a leak, a
     unit of length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' says more.
+    Gravity, masses and forces of the case are given: they act in every photograph, in that at zero pressure too.
 
     TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius). A file's
     headers say what its columns are, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break counts.
@@ -158,8 +160,10 @@ def _folder(options: FitGiven) -> ResultFolder:
 def _report(options: FitGiven) -> FitReport:
     if options["files"]:
         return _device_report(options)
-    if options["heights"] or options["free"] or options["untrusted"] or options["without"]:
-        raise FitError("--heights, --free, --untrusted and --without are about a device; give its case file first")
+    if any(options[name] for name in ("heights", "free", "untrusted", "without", "heights_from")):  # type: ignore[literal-required]
+        raise FitError(
+            "--heights, --free, --untrusted, --without and --heights-from are about a device; give its case file first"
+        )
     check_curves_given({**options, "tensile": True})
     curves = _curves(options)
     choices = law_choices(options["laws"], options["poisson"])

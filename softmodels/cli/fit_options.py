@@ -5,12 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+import click
+
 from measurement.units import UnitError, quantity
 from softmodels.cli.tensile_options import CurveFiles
 from softmodels.fitting.law_parameters import LawChoice, all_parameters
-from softmodels.fitting.options import BENCH, FitOptions
+from softmodels.fitting.options import BENCH, HEIGHTS_FROM, FitOptions
 from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.problem import Change, FitError, Prior
+
+heights_from_option = click.option(
+    "--heights-from", type=click.Choice(HEIGHTS_FROM), default=None,
+    help="What heights count from where the case has gravity or forces: the upper edge of the shadow at zero pressure, the "
+    "apex there, or the undeformed top.  [default: the shadow; the apex where the undeformed top is not flat]",
+)  # fmt: skip
 
 BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
 """Units of what the bench may get wrong and is not a plain number."""
@@ -23,6 +31,7 @@ class FitGiven(CurveFiles):
     heights: Path | None
     free: tuple[str, ...]
     untrusted: bool
+    heights_from: str | None
     without: tuple[str, ...]
     silicone: str | None
     laws: str
@@ -59,6 +68,7 @@ def fit_options(options: FitGiven, changes: Mapping[str, Change]) -> FitOptions:
         free=free_of_bench(options),
         without=options["without"],
         untrusted=options["untrusted"],
+        heights_from=options["heights_from"] or "",
     )
 
 

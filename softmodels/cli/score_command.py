@@ -13,6 +13,7 @@ from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
 from measurement.units import UnitError
 from softmodels.cli.curve_command import read_material
+from softmodels.cli.fit_options import heights_from_option
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import CurveFiles, read_curves, specimen_options, tensile_option
 from softmodels.fitting.curves.curve import TensileError
@@ -24,7 +25,7 @@ from softmodels.mechanics.mpi import speaks
 
 if TYPE_CHECKING:
     from measurement.outline.outline import Outline
-    from softmodels.case.case import Case
+    from softmodels.fitting.outlines.measured_device import MeasuredDevice
 
 
 class ScoreGiven(CurveFiles):
@@ -33,6 +34,7 @@ class ScoreGiven(CurveFiles):
     stretch: str | None
     stress_error: str
     untrusted: bool
+    heights_from: str | None
     radius: float | None
     thickness: float | None
 
@@ -46,6 +48,7 @@ class ScoreGiven(CurveFiles):
 @click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
               help="Standard error of the measured stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
 @click.option("--untrusted", is_flag=True, help="Take outlines that the measurement does not trust, too.")
+@heights_from_option
 @specimen_options
 @click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
 @click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")
@@ -83,15 +86,15 @@ def score(
         curves = []
         if options["tensile"]:
             curves = read_curves(options, options["radius"], options["thickness"], options["stretch"])
-        case, outlines = _device(files, options["untrusted"]) if files else (None, [])
+        device, outlines = _device(files, options) if files else (None, [])
         read = [*files, *map(Path, names), *(Path(text.rpartition(":")[0] or text) for text in options["tensile"])]
         asked = {**options, "names": names, "files": [str(file) for file in files]}
         folder = open_folder(output, Path("results/score"), "scores", asked, read) if speaks() else None
         scores = [score_curve(name, one, curve, error) for curve in curves for name, one in materials.items()]
     except (FitError, MaterialError, OwnFolderError, TensileError, UnitError) as trouble:
         fail(str(trouble))
-    if case is not None:
-        scores += _outline_scores(materials, case, outlines)
+    if device is not None:
+        scores += _outline_scores(materials, device, outlines)
     if folder is None:
         return
     try:
@@ -114,25 +117,27 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
     return {name: read_material(name) for name in names}
 
 
-def _device(files: tuple[Path, ...], untrusted: bool) -> tuple[Case, list[Outline]]:
+def _device(files: tuple[Path, ...], options: ScoreGiven) -> tuple[MeasuredDevice, list[Outline]]:
     from softmodels.case.case import Case, CaseError
+    from softmodels.fitting.outlines.measured_device import MeasuredDevice
     from softmodels.fitting.outlines.reading import read_outlines
 
     try:
         case = Case.from_file(files[0])
     except CaseError as error:
         raise FitError(str(error)) from None
-    return case, read_outlines(files[1:], untrusted)
+    device = MeasuredDevice.of(case).counting_from(options["heights_from"] or "")
+    return device, read_outlines(files[1:], options["untrusted"])
 
 
-def _outline_scores(materials: dict[str, Material], case: Case, outlines: list[Outline]) -> list[Score]:
+def _outline_scores(materials: dict[str, Material], device: MeasuredDevice, outlines: list[Outline]) -> list[Score]:
     from softmodels.mechanics.mpi import abort_on_error, start
     from softmodels.results.outcomes import FAILED
 
     comm = start()
     abort_on_error(comm)
     try:
-        return against_outlines(materials, case, outlines, comm)
+        return against_outlines(materials, device, outlines, comm)
     except FitError as error:
         fail(str(error), FAILED)
         raise

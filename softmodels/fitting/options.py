@@ -14,6 +14,10 @@ for _option, _argument in (("fix", "FitOptions.changes of"), ("untrusted", "FitO
 BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
 """Parameters of the bench."""
 
+HEIGHTS_FROM = ("shadow", "apex", "undeformed")
+"""What heights of a device that hangs under loads may count from: the upper edge of its shadow at zero pressure, its apex
+there, or its undeformed top."""
+
 
 @dataclasses.dataclass(frozen=True)
 class FitOptions:
@@ -30,6 +34,8 @@ class FitOptions:
         free: With a device: what is fitted of bench and device beside the law, see `softmodels.fitting.outlines.bench.Bench`.
         without: With a device: names of photographs that are left out.
         untrusted: With a device: whether measurements are taken that the measurement does not trust.
+        heights_from: With a device that hangs under loads: what its heights count from, one of `HEIGHTS_FROM`; empty for the
+            shadow, or the apex where the undeformed top is not flat.
     """
 
     poisson: float = 0.5
@@ -42,8 +48,11 @@ class FitOptions:
     free: tuple[str, ...] = BENCH
     without: tuple[str, ...] = ()
     untrusted: bool = False
+    heights_from: str = ""
 
     def __post_init__(self) -> None:
+        if self.heights_from not in ("", *HEIGHTS_FROM):
+            raise FitError(f"heights_from is {self.heights_from!r}; it is one of {', '.join(HEIGHTS_FROM)}")
         if not 0.0 <= self.gauge_error < 1.0:
             raise FitError(f"a gauge error of {self.gauge_error:g} is not a share between 0 and 100 %")
 

@@ -23,6 +23,8 @@ from softmodels.mechanics.mpi import start
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from softmodels.fitting.outlines.measured_device import MeasuredDevice
+
 type Materials = Material | Sequence[Material] | Mapping[str, Material]
 type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 type Outlines = Path | str | Sequence[Outline | Path | str]
@@ -32,7 +34,7 @@ def score(
     materials: Materials,
     curves: Curves = (),
     *,
-    device: Actuator | Case | None = None,
+    device: Actuator | Case | MeasuredDevice | None = None,
     outlines: Outlines = (),
     stretch: tuple[float, float] | None = None,
     stress_error: str = "auto",
@@ -100,7 +102,10 @@ def outlines_of(given: Iterable[Outline | Path | str], untrusted: bool) -> list[
 
 
 def against_outlines(
-    materials: Mapping[str, Material], device: Actuator | Case, outlines: Sequence[Outline], comm: MPI.Comm
+    materials: Mapping[str, Material],
+    device: Actuator | Case | MeasuredDevice,
+    outlines: Sequence[Outline],
+    comm: MPI.Comm,
 ) -> list[Score]:
     """Scores of materials against outlines of a device; see `score_outlines`.
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from geometries import Actuator
     from measurement.outline.outline import Outline
     from softmodels.case.case import Case
+    from softmodels.fitting.outlines.measured_device import MeasuredDevice
 
 Array = npt.NDArray[np.float64]
 
@@ -85,7 +86,7 @@ def score_curve(name: str, material: Material, curve: TensileCurve, error: Stres
 
 
 def score_outlines(
-    name: str, material: Material, case: Actuator | Case, outlines: Sequence[Outline], comm: MPI.Comm
+    name: str, material: Material, case: Actuator | Case | MeasuredDevice, outlines: Sequence[Outline], comm: MPI.Comm
 ) -> Score:
     """Hold a material against outlines of a device: the law as it is, what the bench may have got wrong fitted along.
 

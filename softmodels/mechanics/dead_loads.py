@@ -206,7 +206,8 @@ class DeadLoads:
     Attributes:
         loads: The loads.
         amounts: Their magnitudes where nothing else is asked for: of the whole device, SI units.
-        forms: Compiled, some for each: their sum is the load of a unit magnitude on the slice.
+        integrals: Some for each, in UFL: their sum is the load of a unit magnitude on the slice.
+        forms: The same, compiled.
         origins: What all drivers worked on where the path began, dimensionless; None before that.
 
     Raises:
@@ -220,7 +221,8 @@ class DeadLoads:
         self.loads = [part for part in parts if isinstance(part, LoadPart)]
         spread = [part.spread(Spread(system), parts) for part in self.loads] if self.loads else []
         self.amounts = np.array([found.amount for found in spread], dtype=float)
-        self.forms = [[system.form(form) for form in found.forms] for found in spread]
+        self.integrals = [found.forms for found in spread]
+        self.forms = [[system.form(form) for form in forms] for forms in self.integrals]
         self.origins: Array | None = None
         self._vector = fem.Function(system.space) if self.forms else system.w
 

@@ -87,7 +87,8 @@ class Sensitivity:
         self._lengths = {}
         for name, velocity in (reshaping.velocities if reshaping else {}).items():
             forces = [eq.form(ufl.derivative(force, X, velocity)) for force in eq.potential.forces]
-            self._lengths[name] = forces, eq.form(ufl.derivative(eq.potential.cavity_volume, X, velocity))
+            loads = [[eq.form(ufl.derivative(form, X, velocity)) for form in forms] for forms in eq.dead.integrals]
+            self._lengths[name] = forces, loads, eq.form(ufl.derivative(eq.potential.cavity_volume, X, velocity))
 
     def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[Tangent, dict[str, Rate]]:
         """Derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters change.
@@ -132,9 +133,11 @@ class Sensitivity:
         eq = self.solver.system
         mu, dmu = eq.stress_unit, 0.0
         if name in self._lengths:
-            forces, volume = self._lengths[name]
-            # Forms by coordinates are per unit of the device's size.
-            force = eq.assemble(forces) / eq.length_unit
+            forces, loads, volume = self._lengths[name]
+            force = eq.assemble(forces).copy()
+            for magnitude, forms in zip(eq.pressures[len(eq.pressures) - len(loads) :], loads, strict=True):
+                force -= magnitude * eq.assemble(forms)  # what is thicker is heavier
+            force /= eq.length_unit  # forms by coordinates are per unit of the device's size
             opened = eq.integral(volume) / eq.length_unit
         else:
             (force, dmu), opened = self.material_force(name), 0.0

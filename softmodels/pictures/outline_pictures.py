@@ -28,7 +28,7 @@ def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
         stride = max(len(fitting.points) // SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=INK, alpha=0.5)
-        half = 1e3 * half_outline(fitting.curve, 2e-5)[0]
+        half = 1e3 * half_outline(fitting.shadow.curve, 2e-5)[0]
         label = f"{fitting.shape.pressure / 1e3:.3g} kPa"
         axes.plot(
             np.r_[-half[:0:-1, 0], half[:, 0]], np.r_[half[:0:-1, 1], half[:, 1]], color=colour, lw=1.4, label=label

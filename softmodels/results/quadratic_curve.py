@@ -124,7 +124,7 @@ class QuadraticCurve:
         return (both * gap).sum(-1)
 
 
-def shapes(s: Array) -> Array:
+def shapes(s: Array | float) -> Array:
     """Shape functions of a piece's nodes at parameters s, shape (..., 3)."""
     s = np.asarray(s, dtype=float)
     return np.stack([s * (s - 1) / 2, s * (s + 1) / 2, 1 - s * s], axis=-1)

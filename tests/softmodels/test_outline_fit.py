@@ -64,11 +64,11 @@ def test_derivatives_are_exact(inflation):
     source = source_of(device, simulated_outlines(device, HARDENING, PRESSURES, Camera(bench=AWAY)))
     free = (*BENCH, "poisson", "membrane")
     measured = np.array([(s.height, s.pressure, s.pressure_error) for s in source.shapes]).T
-    begin, volumes = starts(device, *measured)
+    begin, plain = starts(device, *measured)
     parameters = [
         *device.choice.parameters(begin[0]),
         *nuisances(source, Bench(free)),
-        *volume_parameters(source, volumes),
+        *volume_parameters(source, plain.volumes),
     ]
     values = {p.name: p.start for p in parameters} | {
         "scale": 0.001,

@@ -7,14 +7,20 @@ import dataclasses
 import numpy as np
 import pytest
 
-from geometries import GeometryError, HollowDisk
+from geometries import GeometryError, HollowDisk, Membrane
 from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.mechanics.controls import pressure_control, volume_control
+from softmodels.mechanics.coupling import Coupling
+from softmodels.mechanics.loads import Force, Gravity, Mass
 from softmodels.mechanics.morphing import Reshaping
+from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.sensitivity import Sensitivity, known_parameters
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.quantities import AddedVolume
+from softmodels.path.stages import hang, inflate_from
 
 TAYLOR = "Taylor's remainder of displacement, pressure and volume, before and past a limit point"
 LAWS = {
@@ -69,19 +75,29 @@ def size_of(equations, name):
 
 def moved_state(equations, material, name, by, control, guess):
     """The state on the line with one parameter moved, as w and P in Pa."""
-    disk, moving = equations.system.body.actuator, reshaping(equations)
+    disk = equations.system.body.actuator
+    moving = Reshaping(equations.system.body, disk.variable)
     if name == "membrane":
         moving.move({"membrane": disk.membrane + by})
     else:
         equations.system.set_material(changed(material, name, by))
-    line = control / equations.system.stress_unit if control > 100.0 else control
-    made = pressure_control(line) if control > 100.0 else volume_control(line)
+    weigh(equations)
+    pressed = control == 0.0 or control > 20.0
+    line = control / equations.system.stress_unit if pressed else control
+    made = pressure_control(line) if pressed else volume_control(line)
     w, P = guess
     state = equations.solve(made, w, P / equations.system.stress_unit)
     found = state.w, state.P * equations.system.stress_unit, state.V * equations.system.volume_unit
     equations.system.set_material(material)
     moving.move({})
+    weigh(equations)
     return found
+
+
+def weigh(equations):
+    """Keep the dead loads' newtons in another shear modulus."""
+    system = equations.system
+    system.coupling = Coupling.proportional(system.body.actuator.ratios, system.dead.amounts / system.dead.units)
 
 
 def remainders(equations, material, state, rate, name, line):
@@ -98,7 +114,7 @@ def remainders(equations, material, state, rate, name, line):
                 abs(new_V - V - step * rate.V),
             ]
         )
-    whole = [np.linalg.norm(state.w), abs(P), abs(V)]
+    whole = [np.linalg.norm(state.w), abs(P) or 1.0, abs(V)]
     return np.array(left) / whole
 
 
@@ -140,6 +156,40 @@ def test_rates_on_both_sides_of_a_limit_point(law, equilibrium, solved, sensitiv
 def test_rates_without_a_pressure_field(law, equilibrium, solved, sensitivity, figure):
     equations = equilibrium(THIN, LAWS[law], "displacement")
     check(figure, equations, sensitivity, LAWS[law], at(solved, equations, PAST).state)
+
+
+HEAVY = (Gravity("-z"), Mass("top", 0.020, name="brass"), Force("top", "z", 0.05, name="thread"))
+LOADED = {
+    "disk": (THIN, LAWS["yeoh"], HEAVY, (0.05, BEFORE, PAST)),
+    "wedge": (WEDGE, LAWS["neo-hookean"], HEAVY[:2], (0.1,)),
+    "membrane with a plate": (
+        Membrane(plate_radius=0.008, clamp_width=0.005, cell_size=0.002), LAWS["yeoh"],
+        (Gravity("-z"), Rigid("plate", name="plate", mass=0.020)), (0.05, 0.5),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("actuator", "law", "parts", "volumes"), LOADED.values(), ids=LOADED.keys())
+def test_rates_under_dead_loads(actuator, law, parts, volumes, body_of, figure):
+    """Weights keep their newtons while the material changes, and a thicker membrane is heavier: where the device hangs, and
+    before and past its limit point, with the volume kept and with the pressure kept."""
+    equations = Solver(System(body_of(actuator), law, parts=parts))
+    rates = Sensitivity(equations, Reshaping(equations.system.body, actuator.variable))
+    dead, cavities = equations.system.dead, np.zeros(len(actuator.ratios))
+    hung = inflate_from(
+        equations, hang(equations, [("its loads", np.concatenate([cavities, dead.amounts / dead.units]))])
+    )
+    names = (*known_parameters(law), *actuator.variable)
+    check(figure, equations, lambda _: rates, law, hung, 0.0, names)
+    *_, sag = rates.rates(hung, pressure_control(0.0), names[:1])
+    assert np.abs(sag[names[0]].w).max() * getattr(law, names[0]) > 1e-3
+    path = Continuation(equations, AddedVolume(), start=hung)
+    for point in trace(path, list(volumes)):
+        if point.requested:
+            check(figure, equations, lambda _: rates, law, point.state, None, names)
+            pressed = point.state.P * equations.system.stress_unit
+            assert pressed > 20.0  # below, `moved_state` takes it for a volume
+            check(figure, equations, lambda _: rates, law, point.state, pressed, names)
 
 
 def test_rates_of_a_slice(equilibrium, solved, sensitivity, figure):

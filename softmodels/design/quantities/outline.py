@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from softmodels.design.moved_silhouette import MovedSilhouette
 from softmodels.design.quantities.base import Quantity, Slopes, TargetMeasure, length, quantity
-from softmodels.fitting.outlines.outline_residuals import UNEVEN
 from softmodels.fitting.outlines.reading import read_outlines
 from softmodels.fitting.outlines.shadow import shadow_of
 from softmodels.fitting.outlines.shapes import correlation, rising
@@ -47,7 +46,7 @@ class OutlineMeasure(TargetMeasure):
             self.silhouette = MovedSilhouette(design)
         except BodyError as error:
             raise ValueError(f"there is no outline to follow: {error}") from None
-        if measured and self._uneven:
+        if measured and not self.silhouette.flat:
             raise ValueError(
                 f"the undeformed top of the device is {self.silhouette.unevenness * 1e3:.3g} mm from flat, and heights of "
                 "measured outlines are counted from a flat surface; give points with heights above its undeformed apex"
@@ -56,10 +55,6 @@ class OutlineMeasure(TargetMeasure):
         if self.silhouette.round:
             away = points[:, 0] - (_middle(points) if measured else 0.0)
             self.points = np.column_stack([np.abs(away), points[:, 1]])
-
-    @property
-    def _uneven(self) -> bool:
-        return self.silhouette.unevenness > UNEVEN * self.silhouette.width
 
     def _closest(self, state: State) -> tuple[Closest, npt.NDArray[np.int64], Array]:
         """Closest points, and for each the piece of the curve that it is on with the weights of that piece's nodes."""
@@ -84,7 +79,7 @@ class OutlineMeasure(TargetMeasure):
         return Slopes(value, by_w, 0.0, by_X, self._note())
 
     def _note(self) -> str:
-        if not self._uneven:
+        if self.silhouette.flat:
             return ""
         uneven = self.silhouette.unevenness * 1e3
         return f"the undeformed top is {uneven:.3g} mm from flat, and heights are counted from its apex"

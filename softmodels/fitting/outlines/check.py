@@ -12,7 +12,7 @@ from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.shadow import shadow_of
 from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.simulated import half_outline
-from softmodels.fitting.outlines.start import MODULUS, volumes_of
+from softmodels.fitting.outlines.start import plain_path
 from softmodels.fitting.problem import UnsoundError
 from softmodels.results.quadratic_curve import QuadraticCurve
 
@@ -45,16 +45,22 @@ def series_of(
     Raises:
         OutlineFitError: The device cannot rise as high as was measured.
     """
-    plain = model.choice.from_modulus(MODULUS)
-    states = model.states(plain, volumes_of(model, plain, heights))
-    lengths = model.set_parameters(plain)
+    plain = plain_path(model, heights, pressures)
+    lengths = model.set_parameters(plain.values)
     rows = [
-        Row(source, float(height), float(pressure), float(error), float(rough), model.pressure(state) / MODULUS)
-        for source, height, pressure, error, rough, state in zip(
-            sources, heights, pressures, pressure_errors, errors, states, strict=True
+        Row(
+            source=source,
+            height=float(heights[i]),
+            pressure=float(pressures[i]),
+            pressure_error=float(pressure_errors[i]),
+            height_error=float(errors[i]),
+            unit=float(plain.elastic[i]) / model.modulus,
+            borne=float(plain.borne[i]),
+            silent=bool(plain.silent[i]),
         )
+        for i, source in enumerate(sources)
     ]
-    return rows, [model.curve(state, lengths) for state in states]
+    return rows, [model.curve(state, lengths) for state in plain.states]
 
 
 def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[Row]:

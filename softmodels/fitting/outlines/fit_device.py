@@ -80,7 +80,12 @@ def fit(
         given += read_outlines(files, options.untrusted, options.without)
     else:
         given = [given[i] for i in kept([(outline.source, None) for outline in given], options.without)]
-    task = _Task(MeasuredDevice.of(device), law_choices(material, options.poisson), options, tuple(curves))
+    task = _Task(
+        MeasuredDevice.of(device).counting_from(options.heights_from),
+        law_choices(material, options.poisson),
+        options,
+        tuple(curves),
+    )
     return task.with_outlines(given, comm or start())
 
 
@@ -107,7 +112,12 @@ def fit_heights(
     """
     if isinstance(heights, Path | str):
         heights = read_heights(Path(heights), options.untrusted, options.without)
-    task = _Task(MeasuredDevice.of(device), law_choices(material, options.poisson), options, ())
+    task = _Task(
+        MeasuredDevice.of(device).counting_from(options.heights_from),
+        law_choices(material, options.poisson),
+        options,
+        (),
+    )
     return task.with_heights(heights, comm or start())
 
 
@@ -172,8 +182,10 @@ class _Task:
     ) -> FitReport:
         comparison = compare([trial.fit for trial in trials.values()])
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
-        first = next(iter(trials.values())).source
-        device = f"{self.device.name}: {type(self.device.actuator).__name__}, {first.in_words}"
+        first = next(iter(trials.values()))
+        told: str = first.source.model.told(first.fit.values)
+        notes = [*notes, *filter(None, [told])]
+        device = f"{self.device.name}: {type(self.device.actuator).__name__}, {first.source.in_words}"
         return FitReport(tuple(laws), comparison, self.curves, how, device=device, notes=tuple(map(spoken, notes)))
 
     def _law[Source: (OutlineResiduals, HeightResiduals)](

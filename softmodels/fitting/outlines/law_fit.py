@@ -12,7 +12,7 @@ from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.outlines.bench import DEFAULT_BENCH, Bench, nuisances
 from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
 from softmodels.fitting.outlines.start import starts
-from softmodels.fitting.problem import NOTHING_ELSE, Changes, Extra, FitError, Parameter
+from softmodels.fitting.problem import NOTHING_ELSE, Change, Changes, Extra, FitError, Parameter
 from softmodels.fitting.result import LeastSquaresFit
 
 Array = npt.NDArray[np.float64]
@@ -21,12 +21,17 @@ UNHEARD = 1e6
 """Factor on the error of a pressure that does not count."""
 
 
-def volume_parameters(source: OutlineResiduals, volumes: Sequence[float] | Array) -> list[Parameter]:
-    """The hidden added volumes with a start for each, m3."""
+def volume_parameters(
+    source: OutlineResiduals, volumes: Sequence[float] | Array, hangs: float = 0.0
+) -> list[Parameter]:
+    """The hidden added volumes with a start for each, m3; ``hangs`` is that of the device at zero pressure."""
     return [
-        Parameter(name, "m^3", start, 0.05 * start, 4.0 * start, hidden=True, title=f"the added volume at {shape.name}")
+        Parameter(
+            name, "m^3", start, hangs + 0.05 * (start - hangs), hangs + 4.0 * (start - hangs), hidden=True,
+            title=f"the added volume at {shape.name}",
+        )
         for name, start, shape in zip(source.volumes, volumes, source.shapes, strict=True)
-    ]
+    ]  # fmt: skip
 
 
 def fit_law_to_outlines(
@@ -62,15 +67,21 @@ def fit_law_to_outlines(
         (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
         for shape in source.shapes
     ]
-    begins, volumes = starts(source.model, *np.array(measured).T)
+    held = {name: change["start"] for name, change in changes.items() if _held(change) and name in choice.names}
+    heights, pressures, errors = np.array(measured).T
+    begins, plain = starts(source.model, heights, pressures, errors, held)
     troubles = []
     for begin in begins:
         parameters = [
             p.changed(changes.get(p.name, {})) for p in (*choice.parameters(begin), *known, *extra.parameters)
-        ] + volume_parameters(source, volumes)
+        ] + volume_parameters(source, plain.volumes, plain.hangs)
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
             return fit_parameters([source, *extra.sources], parameters, loss=loss, label=choice.name)
         except FitError as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")
+
+
+def _held(change: Change) -> bool:
+    return change.get("fixed", False) and "start" in change

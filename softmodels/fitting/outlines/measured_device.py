@@ -12,7 +12,8 @@ from geometries import Actuator, GeometryError, MeshingError
 from geometries.fields import about
 from softmodels.case.case import Case
 from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.device_model import DeviceModel
+from softmodels.fitting.outlines.device_model import MODULUS, DeviceModel
+from softmodels.fitting.outlines.kept_loads import measured_parts
 from softmodels.fitting.problem import FitError
 from softmodels.materials.material import Material
 from softmodels.mechanics.contact import Obstacle
@@ -38,6 +39,7 @@ class MeasuredDevice:
         obstacle: A plane that it comes to rest on.
         parts: What else is added to it.
         solver: See `softmodels.case.case.Case`.
+        heights_from: What heights count from where it hangs under loads, see `softmodels.fitting.outlines.hanging.Hanging`.
     """
 
     actuator: Actuator
@@ -48,26 +50,41 @@ class MeasuredDevice:
     obstacle: Obstacle | None = None
     parts: tuple[Part, ...] = ()
     solver: str = "auto"
+    heights_from: str = ""
 
     @classmethod
     def of(cls, device: Actuator | Case | MeasuredDevice) -> MeasuredDevice:
-        """A device, alone or of a case; one that turns about its axis as its section."""
+        """A device, alone or of a case; one that turns about its axis as its section.
+
+        Raises:
+            FitError: A case with loads that a fit does not take.
+        """
         if isinstance(device, MeasuredDevice):
             return dataclasses.replace(device, actuator=as_section(device.actuator))
         if isinstance(device, Case):
-            if loads := [part for part in device.parts if isinstance(part, LoadPart)]:
-                raise FitError(
-                    f"the case has a {loads[0].where}, and a fit begins every device from its undeformed state; leave it out"
-                )
             if rubbing := [part.where for part in device.parts if part.remembers]:
                 raise FitError(
                     f"{rubbing[0]} has friction, whose derivatives by the material a fit does not know; leave it out "
                     "(friction = 0)"
                 )
             case, section = device, as_section(device.actuator)
-            around = (case.sheet, case.obstacle, case.parts, case.solver)
+            parts = measured_parts(case.parts, section, case.material)
+            around = (case.sheet, case.obstacle, parts, case.solver)
             return cls(section, case.name, case.material, case.formulation, *around)
         return cls(as_section(device), device.name)
+
+    def counting_from(self, heights_from: str) -> MeasuredDevice:
+        """The same device with heights that count from there; see `heights_from`, empty to leave it.
+
+        Raises:
+            FitError: Without loads it is at zero pressure what it is undeformed.
+        """
+        if heights_from and not any(isinstance(part, LoadPart) for part in self.parts):
+            raise FitError(
+                "what heights count from (--heights-from) matters where the device hangs under loads, and the case has none; "
+                "leave it out, or add [gravity]"
+            )
+        return dataclasses.replace(self, heights_from=heights_from or self.heights_from)
 
     def model(self, choice: LawChoice, comm: MPI.Comm) -> DeviceModel:
         """The device under a law, meshed and compiled.
@@ -89,7 +106,8 @@ class MeasuredDevice:
                 material = choice.material(choice.from_modulus(30e3))
                 around = (self.sheet, self.obstacle, self.parts)
                 system = System(body, material, self.formulation, *around)
-                return DeviceModel(Solver(system, self.solver), choice)
+                modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else MODULUS
+                return DeviceModel(Solver(system, self.solver), choice, self.heights_from, modulus)
         except (BodyError, CompilingError, PartError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:

@@ -30,9 +30,6 @@ from softmodels.results.quadratic_curve import QuadraticCurve
 
 Array = npt.NDArray[np.float64]
 
-UNEVEN = 1e-3
-"""How far from flat an undeformed top may be, in widths of the device."""
-
 READINGS = "pressures"
 """Label of the group of residuals that hold the pressures."""
 
@@ -134,7 +131,7 @@ class OutlineResiduals:
 
 
 def _check_flat(silhouette: Silhouette) -> None:
-    if silhouette.unevenness > UNEVEN * silhouette.width:
+    if not silhouette.flat:
         raise OutlineFitError(
             f"the undeformed top of the device is {silhouette.unevenness * 1e3:.3g} mm from flat, and heights of outlines "
             "are counted from a flat surface: fit to the rises of its apex instead, as a table of heights"

@@ -1,8 +1,9 @@
 """Heights against pressures as a witness that needs no law: which single photographs contradict the others.
 
-What pressure a device takes for a height is, up to one factor, a matter of its shape: the reading over the simulated
-pressure at the same height is an apparent shear modulus. Over the heights it follows a smooth curve whatever the silicone
-is, and before and past limit points alike. A wrong pressure, a wrong photograph or two that have changed places leave it.
+What pressure a device takes for a height is, up to one factor, a matter of its shape: the reading, less what dead loads take
+of it, over the simulated pressure at the same height is an apparent shear modulus. Over the heights it follows a smooth curve
+whatever the silicone is, and before and past limit points alike. A wrong pressure, a wrong photograph or two that have changed
+places leave it.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ class Row:
         pressure: Reading in Pa.
         pressure_error: Its standard error in Pa.
         height_error: Standard error of the height in m.
-        unit: Simulated pressure in Pa at this height for a shear modulus of 1 Pa.
+        unit: Simulated pressure in Pa at this height for a shear modulus of 1 Pa, that of dead loads left out.
+        borne: Pressure in Pa that the dead loads take at this height.
+        silent: Whether that is so much that the reading tells nothing of the silicone.
     """
 
     source: str
@@ -53,6 +56,17 @@ class Row:
     pressure_error: float
     height_error: float
     unit: float
+    borne: float = 0.0
+    silent: bool = False
+
+    @property
+    def elastic(self) -> float:
+        """What the silicone takes of the reading, in Pa."""
+        return self.pressure - self.borne
+
+    def reading(self, modulus: float) -> float:
+        """The pressure in Pa that an apparent shear modulus in Pa leads to."""
+        return modulus * self.unit + self.borne
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +84,7 @@ class WrongReading:
 
 def wrong_readings(rows: Sequence[Row]) -> list[WrongReading]:
     """The rows that the smooth course of the others contradicts; none if fewer than three rows make a course."""
+    rows = _telling(rows)
     if len(rows) < min(TERMS):
         return []
     inside = _inside(rows)
@@ -79,7 +94,7 @@ def wrong_readings(rows: Sequence[Row]) -> list[WrongReading]:
     x = np.array([row.height for row in rows])
     ends = x[inside].min(), x[inside].max()
     for i in np.flatnonzero(~inside).tolist():
-        row, expected = rows[i], expected_pressure(rows, inside, rows[i].height) * rows[i].unit
+        row, expected = rows[i], rows[i].reading(expected_modulus(rows, inside, rows[i].height))
         factor = row.pressure / expected
         if ends[0] <= row.height <= ends[1] or not 1 / GROSS < factor < GROSS:
             found.append(WrongReading(row.source, row.pressure, expected))
@@ -87,14 +102,17 @@ def wrong_readings(rows: Sequence[Row]) -> list[WrongReading]:
 
 
 def expected_without(rows: Sequence[Row], names: Sequence[str], row: Row) -> float:
-    """Pressure in Pa at a row's height that all rows but those of these names lead to."""
-    inside = np.array([one.source not in names for one in rows])
-    return expected_pressure(rows, inside, row.height) * row.unit
+    """Pressure in Pa at a row's height that all rows but those of these names lead to; its own if none of them tells any."""
+    rows = _telling(rows)
+    inside = np.array([one.source not in names and one.elastic > 0.0 for one in rows])
+    if not inside.any():
+        return row.pressure
+    return row.reading(expected_modulus(rows, inside, row.height))
 
 
 def exchanged(rows: Sequence[Row]) -> tuple[WrongReading, WrongReading] | None:
     """Two rows whose pressures, exchanged, leave none that contradicts the others; None if there are no such, or several."""
-    found = []
+    rows, found = _telling(rows), []
     for a, b in itertools.combinations(range(len(rows)), 2):
         swapped = list(rows)
         swapped[a] = dataclasses.replace(rows[a], pressure=rows[b].pressure)
@@ -112,19 +130,23 @@ def exchanged(rows: Sequence[Row]) -> tuple[WrongReading, WrongReading] | None:
     return (one, two) if meet else None
 
 
+def _telling(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if not row.silent]
+
+
 def _spread(rows: Sequence[Row]) -> float:
     """Root mean square of all rows' distances from their course, in errors."""
     terms = _terms(len(rows))
     A = _basis(np.array([row.height for row in rows]), max(row.height for row in rows), terms)
     error = np.array([_error(row, terms) for row in rows])
-    y = np.log([row.pressure / row.unit for row in rows])
+    y = np.log([row.elastic / row.unit for row in rows])
     course, *_ = np.linalg.lstsq(A / error[:, None], y / error, rcond=None)
     return float(np.sqrt(np.mean(((y - A @ course) / error) ** 2)))
 
 
-def expected_pressure(rows: Sequence[Row], inside: npt.NDArray[np.bool_], height: float) -> float:
+def expected_modulus(rows: Sequence[Row], inside: npt.NDArray[np.bool_], height: float) -> float:
     """Apparent shear modulus in Pa that the rows ``inside`` lead to at a height in m."""
-    kept = [row for row, sure in zip(rows, inside, strict=True) if sure and row.pressure > 0.0]
+    kept = [row for row, sure in zip(rows, inside, strict=True) if sure and row.elastic > 0.0]
     terms = min(_terms(len(rows)), max(len(kept) - 1, 1))
     width = max(row.height for row in rows)
     low, high = (pick(row.height for row in kept) for pick in (min, max))
@@ -132,7 +154,7 @@ def expected_pressure(rows: Sequence[Row], inside: npt.NDArray[np.bool_], height
         terms = min(terms, 2)
     A = _basis(np.array([row.height for row in kept]), width, terms)
     error = np.array([_error(row, terms) for row in kept])
-    y = np.log([row.pressure / row.unit for row in kept])
+    y = np.log([row.elastic / row.unit for row in kept])
     found, *_ = np.linalg.lstsq(A / error[:, None], y / error, rcond=None)
     return math.exp(float((_basis(np.array([height]), width, terms) @ found)[0]))
 
@@ -147,20 +169,20 @@ def _basis(heights: Array, width: float, terms: int) -> Array:
 
 def _error(row: Row, terms: int) -> float:
     """Relative standard error of a row's apparent modulus: its reading's, its height's and the course's."""
-    reading = 2.0 * row.pressure_error / max(abs(row.pressure), row.pressure_error)
+    reading = 2.0 * row.pressure_error / max(abs(row.elastic), row.pressure_error)
     return math.sqrt(reading**2 + (2.0 * row.height_error / row.height) ** 2 + SMOOTH[terms - 1] ** 2)
 
 
 def _inside(rows: Sequence[Row]) -> npt.NDArray[np.bool_] | None:
     """Which rows lie on the course that most of them share; None if no half of them does."""
     count, terms = len(rows), _terms(len(rows))
-    sane = [i for i, row in enumerate(rows) if row.pressure > 0.0]
+    sane = [i for i, row in enumerate(rows) if row.elastic > 0.0]
     if len(sane) <= count / 2 or len(sane) < terms:
         return None
     width = max(row.height for row in rows)
     A = _basis(np.array([row.height for row in rows]), width, terms)
     error = np.array([_error(row, terms) for row in rows])
-    y = np.array([math.log(row.pressure / row.unit) if row.pressure > 0.0 else math.inf for row in rows])
+    y = np.array([math.log(row.elastic / row.unit) if row.elastic > 0.0 else math.inf for row in rows])
     best: tuple[float, npt.NDArray[np.bool_]] | None = None
     for chosen in _subsets(sane, terms):
         pick = list(chosen)

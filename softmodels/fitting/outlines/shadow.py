@@ -47,8 +47,7 @@ def shadow_of(curve: QuadraticCurve) -> Shadow:
     s = np.linspace(-1.0, 1.0, SAMPLES)
     count = len(curve.nodes)
     piece, at = np.repeat(np.arange(count), SAMPLES), np.tile(s, count)
-    places = curve.at(piece, at)[0]
-    above = np.maximum.accumulate(places[::-1, 1])[::-1]  # the highest from here outwards
+    places, above = edge_heights(curve)
     hidden = above - places[:, 1] > DEEPEST
     if not hidden.any():
         return _assembled(curve, [(k, -1.0, 1.0) for k in range(count)], [])
@@ -64,6 +63,19 @@ def shadow_of(curve: QuadraticCurve) -> Shadow:
         rim = end + 1 + int(np.argmax(places[end + 1 : end + 1 + SAMPLES, 1]))
         level.append((int(piece[rim]), _summit(curve, int(piece[rim]), float(at[rim])), start))
     return _assembled(curve, parts, level)
+
+
+def edge_heights(curve: QuadraticCurve) -> tuple[Array, Array]:
+    """Places of a curve, shape (n, 2), `SAMPLES` of each piece, and the height of the visible edge there, shape (n,)."""
+    s, count = np.linspace(-1.0, 1.0, SAMPLES), len(curve.nodes)
+    places = curve.at(np.repeat(np.arange(count), SAMPLES), np.tile(s, count))[0]
+    return places, np.maximum.accumulate(places[::-1, 1])[::-1]  # the highest from here outwards
+
+
+def crest(curve: QuadraticCurve) -> tuple[int, float]:
+    """The highest place of a curve: its piece and the parameter there."""
+    piece, place = divmod(int(np.argmax(edge_heights(curve)[0][:, 1])), SAMPLES)
+    return piece, _summit(curve, piece, float(np.linspace(-1.0, 1.0, SAMPLES)[place]))
 
 
 def _runs(piece: int, s: Array, seen: npt.NDArray[np.bool_]) -> list[tuple[int, float, float]]:

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+UNEVEN = 1e-3
+"""How far from flat an undeformed top may be, in widths of the device, for outlines to count their heights from it."""
+
 MIDDLE = 0.75
 """Share of a device's width within which its undeformed top is looked at: beyond, edges may be rounded."""
 
@@ -115,6 +118,11 @@ class Silhouette:
         on_top = np.cumprod((x < MIDDLE * self.width).all(axis=1)).astype(bool)
         return float(np.abs(z[on_top]).max(initial=0.0))
 
+    @property
+    def flat(self) -> bool:
+        """Whether the undeformed top is flat, so that outlines can count their heights from it."""
+        return self.unevenness <= UNEVEN * self.width
+
 
 def outer_edges(body: Body) -> npt.NDArray[np.int32]:
     """Local edges of the outer curve: outer facets of a section; edges of both an outer and a cut facet of a slice."""
@@ -174,7 +182,7 @@ def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.ND
         seen.add(frozenset(pair))
         for end in pair:
             meeting.setdefault(end, []).append(i)
-    height, radius = edges[:, :2] @ lift, edges[:, :2] @ along
+    height, radius = edges[:, :2] @ lift, edges[:, :2] @ along  # of a flat membrane all are the lowest
     on_axis = np.argwhere(np.abs(radius) < 1e-7 * size)
     if not len(on_axis):
         raise BodyError("the outer surface does not reach the axis, so its outline cannot be followed")
@@ -185,7 +193,7 @@ def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.ND
     order, turned = [], []
     while True:
         flip = ends[i][0] != start
-        if (height[i] <= floor).all():
+        if (height[i] <= floor).all() and radius[i][int(not flip)] < radius[i][int(flip)]:  # back along the underside
             break
         order.append(i)
         turned.append(flip)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from measurement.outline.outline import Outline
 from softmodels.fitting.outlines.device_model import DeviceModel
+from softmodels.fitting.outlines.shadow import shadow_of
 from softmodels.results.quadratic_curve import QuadraticCurve
 
 Array = npt.NDArray[np.float64]
@@ -63,7 +64,7 @@ def simulated_outlines(
     scale, zero, centre = (camera.bench.get(name, 0.0) for name in ("scale", "zero", "centre"))
     outlines = []
     for number, (state, reading) in enumerate(zip(states, readings, strict=True), 1):
-        places, normals = half_outline(model.curve(state, lengths), camera.spacing)
+        places, normals = half_outline(shadow_of(model.curve(state, lengths)).curve, camera.spacing)
         places, normals = (np.vstack([half[:0:-1] * [-1.0, 1.0], half]) for half in (places, normals))
         if rng is not None:
             noise = camera.error * correlated(len(places), camera.run, rng)
