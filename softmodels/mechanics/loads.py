@@ -16,6 +16,7 @@ from geometries.actuator import Vector
 from geometries.fields import field_of
 from geometries.kinds import Open, Quantity, Words
 from softmodels.materials.casting import density_of
+from softmodels.materials.material import Material
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.dead_loads import LOADS_ENERGY, HeavyPart, LoadPart, Spread, Weighed, check_finite, mean_place
 from softmodels.mechanics.load_directions import ALONG, check_direction, direction
@@ -260,6 +261,16 @@ class Moment(FaceLoad):
             size = on.integral(ufl.dot(arm, arm), self.face)
             form = ufl.dot(on.constant(1 / size) * arm, on.test) * on.body.hoop * on.measure(self.face)
             return Weighed([form], self.amount)
+
+
+def weighed(parts: Sequence[Part], material: Material) -> tuple[Part, ...]:
+    """Parts whose gravity says how dense the silicone is: as dense as this material, where they leave that out."""
+    return tuple(
+        dataclasses.replace(part, density=density_of(material))
+        if isinstance(part, Gravity) and part.density is None
+        else part
+        for part in parts
+    )
 
 
 def check_density(density: float, where: str) -> None:

@@ -23,6 +23,7 @@ from softmodels.case.case import STIFFNESS_RANGE, Case, CaseError
 from softmodels.materials.laws import Material
 from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.loads import weighed
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.sheet import Sheet
@@ -103,14 +104,15 @@ def find_limit(
         on_root(comm, lambda: actuator.write(path))
         body = Body.from_file(actuator, path, comm)
         comm.barrier()
-    known: dict[tuple[type[Material], int], tuple[Solver, Fields]] = {}
+    known: dict[tuple[type[Material], int, tuple[Part, ...]], tuple[Solver, Fields]] = {}
     found = []
     try:
         for material in materials:
-            key = (type(material), len(getattr(material, "mu", ())))
+            own = weighed(parts, material)
+            key = (type(material), len(getattr(material, "mu", ())), own)
             if key not in known:
                 with compiling():
-                    solver = Solver(System(body, material, formulation, sheet, obstacle, parts))
+                    solver = Solver(System(body, material, formulation, sheet, obstacle, own))
                     known[key] = solver, Fields(solver)
             solver, fields = known[key]
             solver.system.set_material(material)

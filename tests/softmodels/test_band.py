@@ -10,7 +10,9 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.case.material_errors import MaterialErrors
+from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.results.columns import term
+from softmodels.results.limits import find_limit
 from softmodels.results.notes import band_notes
 
 DISK = sm.HollowDisk(section="axisymmetric", membrane=0.003)
@@ -68,6 +70,39 @@ def test_the_path_is_as_without(run):
     plain = sm.inflate(DISK, law(), "0,30,200 cm")
     assert [row["apex_mm"] for row in plain.rows] == [row["apex_mm"] for row in run.rows]
     assert term("apex_95_mm", DISK).name == "band of the rise of the apex"
+
+
+HEAVY = (Gravity("-z"), Mass("top", 0.030, name="brass"))
+
+
+@pytest.mark.parametrize("column", ["apex_mm", "ceiling_mm", "added_volume_ml"])
+def test_under_a_weight(heavy_run, column):
+    """A weight keeps its newtons: where the device hangs is as uncertain as its material, and so is every state from there."""
+    name, unit = column.rsplit("_", 1)
+    for row, pressures, step in ((heavy_run.rows[0], "0,1 cm", 0), (heavy_run.at("20 cm").row, "20 cm", -1)):
+        expected = half(slopes(lambda other, p=pressures, k=step: heavy(other, p).rows[k][column]))
+        assert row[f"{name}_95_{unit}"] == pytest.approx(expected, rel=1e-3)
+    assert heavy_run.rows[0]["pressure_cm"] == 0.0 and heavy_run.rows[0]["apex_95_mm"] > 0.02
+
+
+def test_the_limit_under_a_weight(heavy_run, comm):
+    row = next(row for row in heavy_run.rows if row["limit"])
+    (limit,) = find_limit(DISK, [law()], comm, parts=HEAVY)
+    assert limit.pressure == pytest.approx(row["pressure_cm"] * heavy_run.case.cm, rel=1e-6)
+    (plain,) = find_limit(DISK, [law()], comm)
+    assert abs(limit.pressure / plain.pressure - 1) > 1e-3
+    expected = half(slopes(lambda other: find_limit(DISK, [other], comm, parts=HEAVY)[0].pressure))
+    assert row["pressure_95_cm"] * heavy_run.case.cm == pytest.approx(expected, rel=1e-3)
+
+
+def heavy(law, pressures):
+    """A run under weights."""
+    return sm.inflate(DISK, law, pressures, parts=HEAVY)
+
+
+@pytest.fixture(scope="module")
+def heavy_run():
+    return sm.inflate(DISK, law(), "0,20,200 cm", parts=HEAVY, band=ERRORS)
 
 
 def test_in_case_files(tmp_path):

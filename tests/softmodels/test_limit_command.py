@@ -15,10 +15,13 @@ import pytest
 from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
 from geometries.fields import about
 from softmodels.__main__ import softmodels
-from softmodels.case.case import CaseError
+from softmodels.case.case import Case, CaseError
 from softmodels.cli.limit_command import Given
+from softmodels.materials.casting import density_of
 from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
+from softmodels.materials.silicones import SILICONES
+from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.results.limits import Tolerance, find_limit, samples
 from softmodels.results.varied import check_varied
 
@@ -72,6 +75,33 @@ def test_tolerances_scatter_the_limit(runs, tmp_path):
     assert thickness[0] > 0.0018 and thickness[-1] < 0.0022 and (np.diff(limit) > 0).all()
     assert np.polyfit(np.log(thickness), np.log(limit), 1)[0] == pytest.approx(0.95, abs=0.1)
     assert (tmp_path / "scatter.png").stat().st_size > 10000
+
+
+def test_tolerances_scatter_the_limit_under_a_weight(runs, tmp_path, comm):
+    """Each sampled device bears its own weight and the mass on it, as a single one of its thickness does."""
+    heavy, law = (Gravity("-z"), Mass("top", 0.020)), NeoHookean(20e3, 0.49)
+    coarse = dataclasses.replace(THIN, cell_size=0.004)
+    (tmp_path / "case.toml").write_text(Case("disk", coarse, law, pressures_cm=(1.0,), parts=heavy).to_toml())
+    done = runs.run("-m", "softmodels", "limit", tmp_path / "case.toml",
+                    "--vary", "membrane=2mm+-0.2mm", "--samples", "3", "--output", tmp_path / "limit")  # fmt: skip
+    assert done.status == 0 and "3 devices" in done.out
+    with (tmp_path / "limit" / "scatter.csv").open() as file:
+        rows = [(float(row["membrane"]), float(row["limit_cm"])) for row in csv.DictReader(file)]
+    for thickness, limit in rows:
+        device = dataclasses.replace(coarse, membrane=thickness)
+        with_it, without = (find_limit(device, [law], comm, parts=parts)[0].pressure / 95.1243 for parts in (heavy, ()))
+        assert limit == pytest.approx(with_it, rel=1e-4) and abs(with_it / without - 1) > 1e-3
+
+
+def test_every_silicone_has_its_own_weight(comm):
+    """Where gravity leaves the density out it is the named silicone's, whichever was solved before."""
+    soft, hard = (SILICONES[name].material for name in ("ecoflex-00-10", "elastosil-m4601"))
+    assert type(soft) is type(hard) and density_of(soft) < 0.95 * density_of(hard)
+    membrane = dataclasses.replace(THIN, cell_size=0.004)
+    down = (Gravity("-z", magnitude=98.1),)
+    both = find_limit(membrane, [soft, hard], comm, parts=down)
+    alone = find_limit(membrane, [hard], comm, parts=down)
+    assert both[1].pressure == pytest.approx(alone[0].pressure, rel=1e-7)
 
 
 def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path, comm):

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
 from geometries import Actuator
 from softmodels.fitting.problem import FitError
-from softmodels.materials.casting import density_of
 from softmodels.materials.material import Material
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.load_directions import ALONG
-from softmodels.mechanics.loads import DirectedLoad, FaceLoad, Gravity
+from softmodels.mechanics.loads import DirectedLoad, FaceLoad, weighed
 from softmodels.mechanics.parts import Part, PartError
 
 
@@ -30,12 +28,7 @@ def measured_parts(parts: Sequence[Part], actuator: Actuator, material: Material
     """
     for load in (part for part in parts if isinstance(part, LoadPart)):
         _check(load, actuator)
-    return tuple(
-        dataclasses.replace(part, density=density_of(material))
-        if isinstance(part, Gravity) and part.density is None
-        else part
-        for part in parts
-    )
+    return weighed(parts, material)
 
 
 def _check(load: LoadPart, actuator: Actuator) -> None:
