@@ -23,11 +23,13 @@ from softmodels.fitting.outlines.start import starts
 from softmodels.fitting.problem import CannotEvaluate, Extra, Prior
 from softmodels.fitting.profile import profile
 from softmodels.materials.specimens import respond
+from softmodels.mechanics.loads import Gravity, Mass
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
 THIN = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
 HARDENING = {"c1": 14e3, "c2": 600.0, "c3": 100.0}
 PRESSURES = np.array([25.0, 60.0, 100.0, 140.0, 177.0]) * 95.1
+HEAVY = (Gravity("-z"), Mass("top", 0.020, name="brass"))
 AWAY = {"scale": 0.003, "zero": 3e-5, "centre": 1e-3}
 
 
@@ -41,12 +43,13 @@ def inflation(comm, tmp_path_factory):
 
     folder, known = tmp_path_factory.mktemp("devices"), {}
 
-    def make(disk=DISK, law="yeoh", poisson=0.49):
-        key = disk.key, law, poisson
+    def make(disk=DISK, law="yeoh", poisson=0.49, parts=(), heights_from=""):
+        key = disk.key, law, poisson, parts, heights_from
         if key not in known:
             choice = LawChoice.from_text(law, poisson)
             body = Body.from_file(disk, disk.write(folder / f"{disk.name}.msh"), comm)
-            known[key] = DeviceModel(Solver(System(body, choice.material(choice.from_modulus(30e3)))), choice)
+            system = System(body, choice.material(choice.from_modulus(30e3)), parts=parts)
+            known[key] = DeviceModel(Solver(system), choice, heights_from)
         return known[key]
 
     return make
@@ -58,9 +61,10 @@ def source_of(device, outlines):
     return OutlineResiduals(device, shapes)
 
 
-def test_derivatives_are_exact(inflation):
+@pytest.mark.parametrize(("parts", "heights_from"), [((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")])
+def test_derivatives_are_exact(parts, heights_from, inflation):
     """The Jacobian along a random direction against central differences, at values that fit nothing."""
-    device = inflation()
+    device = inflation(parts=parts, heights_from=heights_from)
     source = source_of(device, simulated_outlines(device, HARDENING, PRESSURES, Camera(bench=AWAY)))
     free = (*BENCH, "poisson", "membrane")
     measured = np.array([(s.height, s.pressure, s.pressure_error) for s in source.shapes]).T

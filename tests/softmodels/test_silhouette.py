@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometries import HollowDisk
+from geometries import HollowDisk, Membrane
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.heights import Height, HeightResiduals
 from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
@@ -49,6 +49,16 @@ def test_at_rest_it_is_the_disk(disk, device):
     side = np.abs(curve.nodes[..., 0] - disk.outer_radius) < 1e-9
     assert (top | side).all() and top.any() and side.any()
     assert made.silhouette.width == pytest.approx(disk.outer_radius)
+
+
+@pytest.mark.parametrize("clamp_width", [0.0, 0.005])
+def test_of_a_flat_membrane_it_is_the_upper_face(clamp_width, device):
+    """From the axis to its edge, that of the clamp where it has one: nothing of it lies lower."""
+    made = device(Membrane(clamp_width=clamp_width, cell_size=0.002))
+    nodes = made.silhouette.curve(made.system.rest()).nodes
+    assert nodes[0, 0] == pytest.approx([0.0, 0.0], abs=1e-12) and np.abs(nodes[..., 1]).max() < 1e-12
+    assert nodes[1:, 0] == pytest.approx(nodes[:-1, 1], abs=1e-12)
+    assert nodes[-1, 1, 0] == made.silhouette.width == pytest.approx(0.020 + clamp_width) and made.silhouette.flat
 
 
 def test_outlines_of_a_device_that_is_curved_at_rest_are_refused(device):

@@ -15,20 +15,20 @@ from softmodels.mechanics.loads import DirectedLoad, FaceLoad, weighed
 from softmodels.mechanics.parts import Part, PartError
 
 
-def measured_parts(parts: Sequence[Part], actuator: Actuator, material: Material) -> tuple[Part, ...]:
+def measured_parts(parts: Sequence[Part], actuator: Actuator, material: Material | None) -> tuple[Part, ...]:
     """A case's parts as a fit takes them: the weight that of the case's silicone, whatever the fitted law is called.
 
     Args:
         parts: Of the case.
         actuator: The device as it is fitted.
-        material: The case's.
+        material: The case's; None if nothing is known of it.
 
     Raises:
         FitError: A load that tilts the outline, or one of which nobody says how large it was.
     """
     for load in (part for part in parts if isinstance(part, LoadPart)):
         _check(load, actuator)
-    return weighed(parts, material)
+    return tuple(parts) if material is None else weighed(parts, material)
 
 
 def _check(load: LoadPart, actuator: Actuator) -> None:

@@ -60,7 +60,9 @@ class MeasuredDevice:
             FitError: A case with loads that a fit does not take.
         """
         if isinstance(device, MeasuredDevice):
-            return dataclasses.replace(device, actuator=as_section(device.actuator))
+            section = as_section(device.actuator)
+            parts = measured_parts(device.parts, section, device.material)
+            return dataclasses.replace(device, actuator=section, parts=parts)
         if isinstance(device, Case):
             if rubbing := [part.where for part in device.parts if part.remembers]:
                 raise FitError(
