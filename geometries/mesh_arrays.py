@@ -57,9 +57,10 @@ def read_arrays(path: Path) -> MeshArrays:
         tags, places, _ = gmsh.model.mesh.getNodes()
         number = np.full(int(tags.max()) + 1, -1)
         number[tags.astype(int)] = np.arange(len(tags))
-        groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
+        # A list: a face and the region behind it may bear one name.
+        groups = [(gmsh.model.getPhysicalName(*group), group) for group in gmsh.model.getPhysicalGroups()]
         cells, regions, count = [], {}, 0
-        for name, (dimension, tag) in groups.items():
+        for name, (dimension, tag) in groups:
             if dimension == 3:
                 found = number[_cells_of(tag)]
                 regions[name] = np.arange(count, count + len(found))
@@ -69,10 +70,10 @@ def read_arrays(path: Path) -> MeshArrays:
             raise MeshFileError(f"{path} is not a mesh of tetrahedra of one kind")
         nodes = {
             name: number[gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0].astype(int)]
-            for name, group in groups.items()
+            for name, group in groups
             if group[0] < 3
         }
-        corners = {name: number[_corners_of(tag)] for name, (dimension, tag) in groups.items() if dimension == 2}
+        corners = {name: number[_corners_of(tag)] for name, (dimension, tag) in groups if dimension == 2}
     whole = np.concatenate(cells)
     return MeshArrays(places.reshape(-1, 3), whole, regions, _owned(whole, corners), nodes)
 

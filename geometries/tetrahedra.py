@@ -140,7 +140,8 @@ class Tetrahedra:
         Args:
             wall: Boundary triangles.
         """
-        x, a, b = (np.einsum("qn,kni->kqi", table, self.points[self.triangles[wall]]) for table in self._tables)
+        nodes = self.triangles[wall]
+        x, a, b = (np.einsum("qn,kni->kqi", table, self.points[nodes]) for table in triangle_tables(nodes.shape[1]))
         return -float(np.einsum("q,kqi,kqi->", WEIGHTS, x, np.cross(a, b)) / 6)
 
     @property
@@ -148,17 +149,39 @@ class Tetrahedra:
         """Volume in m3 of the cells."""
         return -self.enclosed(np.arange(len(self.triangles)))
 
-    @property
-    def _tables(self) -> tuple[Array, Array, Array]:
-        """Values and two slopes of a boundary triangle's shape functions at the points of `RULE`."""
-        s, t, r = RULE[:, 1], RULE[:, 2], RULE[:, 0]
-        o, one = np.zeros_like(s), np.ones_like(s)
-        if self.triangles.shape[1] == 3:
-            return RULE, np.stack([-one, one, o], axis=1), np.stack([-one, o, one], axis=1)
-        value = [r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r]
-        along = [1 - 4 * r, 4 * s - 1, o, 4 * (r - s), 4 * t, -4 * t]
-        across = [1 - 4 * r, o, 4 * t - 1, -4 * s, 4 * s, 4 * (r - t)]
-        return np.stack(value, axis=1), np.stack(along, axis=1), np.stack(across, axis=1)
+
+def triangle_tables(width: int) -> tuple[Array, Array, Array]:
+    """Values and two slopes of a triangle's shape functions at the points of `RULE`, shape (q, width) each.
+
+    Args:
+        width: 3 nodes, or 6 with those inside the edges behind the corners.
+    """
+    s, t, r = RULE[:, 1], RULE[:, 2], RULE[:, 0]
+    o, one = np.zeros_like(s), np.ones_like(s)
+    if width == 3:
+        return RULE, np.stack([-one, one, o], axis=1), np.stack([-one, o, one], axis=1)
+    value = [r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r]
+    along = [1 - 4 * r, 4 * s - 1, o, 4 * (r - s), 4 * t, -4 * t]
+    across = [1 - 4 * r, o, 4 * t - 1, -4 * s, 4 * s, 4 * (r - t)]
+    return np.stack(value, axis=1), np.stack(along, axis=1), np.stack(across, axis=1)
+
+
+_C = (5 - 5**0.5) / 20
+CELL_RULE = np.full((4, 4), _C) + (1 - 4 * _C) * np.eye(4)
+"""Integration over a tetrahedron with equal weights, exact to degree 2: barycentric coordinates of its points."""
+EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+"""Corners at the ends of a tetrahedron's edges, in the order of VTK and Abaqus."""
+
+
+def tetrahedron_slopes() -> tuple[Array, Array]:
+    """Values and slopes of the shape functions of ten nodes at the points of `CELL_RULE`, shapes (q, 10) and (q, 10, 3)."""
+    ways = np.vstack([-np.ones(3), np.eye(3)])  # of the barycentric coordinates
+    r = CELL_RULE
+    first, second = r[:, EDGES[:, 0]], r[:, EDGES[:, 1]]
+    values = np.hstack([r * (2 * r - 1), 4 * first * second])
+    corners = (4 * r - 1)[..., None] * ways
+    edges = 4 * (first[..., None] * ways[EDGES[:, 1]] + second[..., None] * ways[EDGES[:, 0]])
+    return values, np.concatenate([corners, edges], axis=1)
 
 
 def _volumes(points: Array, cells: Ints) -> Array:

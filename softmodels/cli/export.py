@@ -22,7 +22,7 @@ from softmodels.runs.exporting import export
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
 @click.option("--quiet", is_flag=True, help="Report errors alone.")
 def command(file: Path, output: Path, quiet: bool) -> None:
-    """Write the case FILE for another program: the same mesh, silicones, supports and loads.
+    """Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.
 
     NAME.inp is for CalculiX (ccx NAME), NAME.feb for FEBio. Lengths in the deck are in mm, pressures in Pa. Cells have
     displacements alone there: hold the answer against --formulation displacement.

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.fields import shown
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
     from softmodels.mechanics.body import Body
+
+Array = npt.NDArray[np.float64]
 
 TINY = 1e-20
 """Square of a length in sizes of the device below which nothing has a direction: on the axis itself there is no hoop."""
@@ -68,6 +71,14 @@ class Helix:
         if normal is None:
             return direction
         return direction - ufl.dot(direction, normal) * normal
+
+
+def helix_at(places: Array, axis: Sequence[float], angle: float, hand: float = 1.0) -> Array:
+    """The direction of a `Helix` inside a solid, at places of shape (n, 3) in any unit: shape (n, 3)."""
+    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    arm = np.cross(unit, places)
+    around = arm / np.maximum(np.linalg.norm(arm, axis=1), TINY**0.5)[:, None]
+    return np.asarray(math.cos(math.radians(angle)) * unit + hand * math.sin(math.radians(angle)) * around)
 
 
 def check_axis(where: str, axis: Sequence[float], angle: float) -> None:

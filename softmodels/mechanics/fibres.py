@@ -22,6 +22,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.fields import angle_field, choice_field, field_of, list_field, number_field
@@ -78,6 +79,27 @@ def taut(x: Expr, onset: float = ONSET) -> Expr:
     e = 2 * onset
     square = ufl.conditional(ufl.lt(x, e), x**3 / (3 * e), x**2 - e * x + e**2 / 3)
     return ufl.conditional(ufl.lt(x, 0), 0, square)
+
+
+def slope_of(law: str, changes: npt.NDArray[np.float64], exponent: float, slack: bool) -> npt.NDArray[np.float64]:
+    """Derivative by x of a law's energy over k, at changes x of squared length, as numbers.
+
+    Args:
+        law: One of `FIBRE_LAWS`.
+        changes: x at which, shape (n,).
+        exponent: b.
+        slack: Whether fibres bear no compression.
+    """
+    import ufl
+    from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+    from ufl.algorithms.apply_derivatives import apply_derivatives
+
+    found = []
+    for change in changes:
+        x = ufl.variable(ufl.as_ufl(float(change)))
+        energy = FIBRE_LAWS[law](ufl.as_ufl(1.0), taut(x) if slack else x**2, ufl.as_ufl(float(exponent)))
+        found.append(float(apply_derivatives(apply_algebra_lowering(ufl.diff(energy, x)))(())))
+    return np.array(found)
 
 
 @register_part

@@ -117,6 +117,14 @@ def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
     return [(float(x), float(y), float(z)) for x, y, z in found]
 
 
+def held_with(own: Sequence[Hold], actuator: Actuator, parts: Sequence[Part]) -> list[Hold]:
+    """What holds a device: its own holds, but where clamps name their roles, and the clamps'."""
+    clamps = [part for part in parts if isinstance(part, Clamp)]
+    roles = {role for clamp in clamps for role in clamp.roles}
+    kept = [hold for hold in own if hold.role not in roles]
+    return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
+
+
 def clamped(body: Body, parts: Sequence[Part]) -> Body:
     """A body as clamps hold it, on the same mesh; itself where there are none.
 
@@ -131,10 +139,8 @@ def clamped(body: Body, parts: Sequence[Part]) -> Body:
             if role not in body.entities and role not in body.regions:
                 known = ", ".join([*body.entities, *body.regions])
                 raise PartError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
-    roles = {role for clamp in clamps for role in clamp.roles}
-    own = [hold for hold in body.holds if hold.role not in roles]
-    held = body.held_by([*own, *(hold for clamp in clamps for hold in clamp.holds(body.actuator))])
-    replaced = len(own) < len(body.holds)
+    held = body.held_by(held_with(body.holds, body.actuator, parts))
+    replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
     if replaced and all(isinstance(part, Clamp | RegionPart) for part in parts):  # other parts may keep it
         _check_place(held, clamps[0].where)
     return held

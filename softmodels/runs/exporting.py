@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
-from softmodels.case.decks.deck import WRITTEN, Deck, Forces, acting, check, deck_of
-from softmodels.case.decks.febio import check_without_loads, febio
+from softmodels.case.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
+from softmodels.case.decks.febio import check_without_springs, febio
 
-WRITERS = {".inp": (check, calculix), ".feb": (check_without_loads, febio)}
+if TYPE_CHECKING:
+    from softmodels.mechanics.system import System
+
+WRITERS = {".inp": (check, calculix), ".feb": (check_without_springs, febio)}
 """By the ending of a deck's file: what refuses a case before it is meshed, and what writes it."""
 
 
 def export(case: Case | str | Path, file: str | Path) -> Deck:
-    """Write a case for another program: the same mesh, silicones, supports, dead loads and pressures.
+    """Write a case for another program: the same mesh, silicones, supports, rigid parts, contact, dead loads and pressures.
 
     Args:
         case: The case, or its file.
@@ -27,7 +31,8 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
     Raises:
         CaseError: A case that decks have no words for, another ending, or a file that is no deck.
         MeshingError: The device cannot be meshed.
-        PartError, BodyError, CompilingError: Dead loads that are not on its mesh, or whose equations cannot be made.
+        PartError, ObstacleError, BodyError, CompilingError: What is added to the device cannot be on its mesh, or its
+            equations cannot be made.
         OSError: The file cannot be written.
     """
     whole, path = case if isinstance(case, Case) else Case.from_file(Path(case)), Path(file)
@@ -42,7 +47,7 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
     refuse(whole)
     with tempfile.TemporaryDirectory() as folder:
         mesh = whole.actuator.write(Path(folder) / "device.msh")
-        deck = deck_of(whole, mesh, _forces(whole, mesh))
+        deck = deck_of(whole, mesh, _system(whole, mesh))
     text = writer(deck)
     partial = path.with_name(f".{path.name}.part")
     partial.write_text(text, encoding="utf-8")
@@ -50,14 +55,14 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
     return deck
 
 
-def _forces(case: Case, mesh: Path) -> Forces | None:
-    """Of the dead loads on the mesh's nodes; None where there are none.
+def _system(case: Case, mesh: Path) -> System | None:
+    """The equations of a device with displacements alone; None where its deck needs none.
 
     Raises:
-        PartError: They are not on this mesh.
+        PartError, ObstacleError: What is added to it cannot be on this mesh.
         BodyError, CompilingError: The equations cannot be made.
     """
-    if not acting(case):
+    if not needs_equations(case):
         return None
     from softmodels.mechanics.mpi import start
 
@@ -66,9 +71,8 @@ def _forces(case: Case, mesh: Path) -> Forces | None:
 
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.compiling import compiling
-    from softmodels.mechanics.nodal_forces import nodal_forces
     from softmodels.mechanics.system import System
 
     with compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
-        return nodal_forces(System(body, case.material, "displacement", parts=case.parts))
+        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=case.parts)

@@ -33,9 +33,16 @@ def calculix(deck: Deck) -> str:
     for text in (WRITTEN, *deck.remarks):
         out.write(f"** {text}\n")
     _write_mesh(deck, out)
-    for node, component, factors in deck.tied:
-        out.write(f"*EQUATION\n{1 + len(factors)}\n{node + 1}, {component + 1}, -1.")
-        out.write("".join(f", {node + 1}, {i + 1}, {factor:.12e}" for i, factor in factors.items()) + "\n")
+    for tie in deck.tied:
+        terms = [(tie.node, tie.component, -1.0), *((*at, factor) for at, factor in tie.terms.items())]
+        entries = [f"{node + 1}, {i + 1}, {factor:.12e}" for node, i, factor in terms]
+        lines = [", ".join(entries[at : at + 4]) for at in range(0, len(entries), 4)]
+        out.write(f"*EQUATION\n{len(terms)}\n" + "\n".join(lines) + "\n")
+    for one in deck.supports.rigged:
+        if one.turn is not None:
+            name = f"RIGID_{one.name}".upper()
+            out.write(_cards(f"*NSET, NSET={name}", one.nodes))
+            out.write(f"*RIGID BODY, NSET={name}, REF NODE={one.place + 1}, ROT NODE={one.turn + 1}\n")
     for component, nodes in deck.held.items():
         out.write(_cards(f"*NSET, NSET=HELD{component + 1}", nodes))
     out.write("*BOUNDARY\n")
@@ -45,10 +52,12 @@ def calculix(deck: Deck) -> str:
         out.write(f"*MATERIAL, NAME={silicone.name.upper()}\n{_law(silicone)}")
         sets = ["SOLID"] if len(deck.silicones) == 1 else [region.upper() for region in silicone.regions]
         out.writelines(f"*SOLID SECTION, ELSET={name}, MATERIAL={silicone.name.upper()}\n" for name in sets)
+    _write_springs(deck, out)
     if deck.forces is not None:
         _write_step(out, "*CLOAD\n" + _forces(deck.forces))
     for pressure in deck.pressures:
-        _write_step(out, f"*DSLOAD\nCAVITY, P, {pressure:.12e}\n")
+        loads = "".join(f"{role.upper()}, P, {share * pressure:.12e}\n" for role, share in deck.air)
+        _write_step(out, f"*DSLOAD\n{loads}")
     return out.getvalue()
 
 
@@ -70,7 +79,7 @@ def _forces(forces: npt.NDArray[np.float64]) -> str:
 def _write_mesh(deck: Deck, out: TextIO) -> None:
     mesh = deck.mesh
     out.write("*NODE, NSET=ALL\n")
-    for number, (x, y, z) in enumerate(1e3 * mesh.points, 1):
+    for number, (x, y, z) in enumerate(1e3 * deck.points, 1):
         out.write(f"{number}, {x:.12e}, {y:.12e}, {z:.12e}\n")
     for name, cells in mesh.regions.items():
         out.write(f"*ELEMENT, TYPE=C3D10, ELSET={name.upper()}\n")
@@ -84,8 +93,19 @@ def _write_mesh(deck: Deck, out: TextIO) -> None:
         out.writelines(f"{cell + 1}, S{side + 1}\n" for cell, side in faces)
     for role, nodes in mesh.nodes.items():
         out.write(_cards(f"*NSET, NSET=ON_{role.upper()}", nodes))
-    probes = [int(np.linalg.norm(mesh.points - place, axis=1).argmin()) for place in deck.case.actuator.probes.values()]
-    out.write(_cards("*NSET, NSET=PROBES", probes))
+    out.write(_cards("*NSET, NSET=PROBES", deck.watched.values()))
+
+
+def _write_springs(deck: Deck, out: TextIO) -> None:
+    """Each spring with a table of its own: elements, and forces in uN by elongations in mm."""
+    number = len(deck.mesh.cells)
+    for part, (one, ground) in enumerate(deck.grounds, 1):
+        for k, (stretches, forces) in enumerate(zip(1e3 * one.stretches, 1e6 * one.forces, strict=True), 1):
+            name, number = f"SPRING{part}_{k}", number + 1
+            out.write(f"*ELEMENT, TYPE=SPRINGA, ELSET={name}\n{number}, {ground + 1}, {ground + 1 + k}\n")
+            # Blank lines are skipped: real numbers tell a table from the degrees of freedom of other springs.
+            table = "".join(f"{force:.8e}, {stretch:.10e}\n" for stretch, force in zip(stretches, forces, strict=True))
+            out.write(f"*SPRING, ELSET={name}, NONLINEAR\n{table}")
 
 
 def _law(silicone: Silicone) -> str:

@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries.mesh_arrays import MeshArrays, read_arrays
+from geometries.openings import cavity_roles
 from geometries.tetrahedra import Ints
 from softmodels.case.case import Case, CaseError
+from softmodels.case.decks.pressing import SHAPES, pressing
 from softmodels.case.decks.silicone import Silicone, silicones_of
+from softmodels.case.decks.springs import Springs
+from softmodels.case.decks.supports import Supports, Tie, supports_of
+from softmodels.case.decks.threads import threaded, threads
 from softmodels.case.region import Region
 from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.fabric import Fabric
+from softmodels.mechanics.fibres import Fibres
+from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.loads import FaceLoad, Mass
+from softmodels.mechanics.nodal_forces import nodal_forces
+from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.rigid_motion import Freedom
+from softmodels.mechanics.rigid_shapes import RigidShape
+from softmodels.mechanics.system import System
 
 Array = npt.NDArray[np.float64]
-Forces = tuple[Array, Array]
 
 WRITTEN = "written by softmodels"
 """The mark of a deck: a file that bears it may be written again."""
@@ -34,20 +48,71 @@ class Deck:
     Attributes:
         case: The case.
         mesh: Its mesh, cells of second order.
-        pressures: Requested pressures above zero in Pa, rising.
-        held: Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component.
-        tied: Displacements that depend on others at one node: node, the component, and the factors that the others have in it.
+        pressures: Requested pressures above zero in Pa, rising; of the first cavity.
+        supports: How its nodes may move.
         silicones: Its materials, the main one first.
         forces: Of all dead loads, on the slice, in N, shape (n, 3); None where there are none.
+        springs: Its contact, fibres and fabrics.
     """
 
     case: Case
     mesh: MeshArrays
     pressures: tuple[float, ...]
-    held: dict[int, Ints]
-    tied: tuple[tuple[int, int, dict[int, float]], ...]
+    supports: Supports
     silicones: tuple[Silicone, ...]
     forces: Array | None = None
+    springs: tuple[Springs, ...] = ()
+
+    @property
+    def air(self) -> list[tuple[str, float]]:
+        """Walls of each cavity, and the share of the pressures in it."""
+        return list(zip(cavity_roles(self.case.actuator), self.case.actuator.ratios, strict=True))
+
+    @functools.cached_property
+    def points(self) -> Array:
+        """Places in m of all nodes: the mesh's, those of rigid parts, then of each stop its ground and its springs' ends."""
+        springs = [place for one in self.springs for place in (one.ground[None], one.ends)]
+        return np.concatenate([self.mesh.points, self.supports.added, *springs])
+
+    @property
+    def grounds(self) -> Iterator[tuple[Springs, int]]:
+        """Each stop's springs, and the number of its ground; those of their ends follow."""
+        number = len(self.mesh.points) + len(self.supports.added)
+        for one in self.springs:
+            yield one, number
+            number += 1 + len(one.ends)
+
+    @functools.cached_property
+    def tied(self) -> list[Tie]:
+        """Displacements that depend on others."""
+        ends = [tie for one, ground in self.grounds for tie in one.ties(ground + 1) if tie.terms]
+        return [*self.supports.tied, *ends]
+
+    @functools.cached_property
+    def held(self) -> dict[int, Ints]:
+        """Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component."""
+        found = {}
+        for component in range(3):
+            nodes = list(self.supports.held.get(component, ()))
+            for one, ground in self.grounds:
+                still = [tie.node for tie in one.ties(ground + 1) if tie.component == component and not tie.terms]
+                nodes += [ground, *still]
+            if nodes:
+                found[component] = np.array(nodes, dtype=np.int64)
+        return found
+
+    @property
+    def watched(self) -> dict[str, int]:
+        """Nodes by what they are: the device's probes, and what rigid parts follow."""
+        found = {
+            name: int(np.linalg.norm(self.mesh.points - place, axis=1).argmin())
+            for name, place in self.case.actuator.probes.items()
+        }
+        for one in self.supports.rigged:
+            found[f"centre of {one.name}"] = one.place
+            if one.turn is not None:
+                found[f"rotation vector of {one.name} in rad"] = one.turn
+        return found
 
     @property
     def remarks(self) -> list[str]:
@@ -56,19 +121,21 @@ class Deck:
         found = [
             f"{case.name}, {type(case.actuator).__name__}, one of {case.actuator.copies} equal slices",
             f"faces by role: {names}",
+            "nodes: " + ", ".join(f"{number + 1} {name}" for name, number in self.watched.items()),
         ]
         if self.forces is not None:
             found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
+        found += [f"{one.label}, {one.what}, from node {ground + 1}" for one, ground in self.grounds]
         return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
 
 
-def deck_of(case: Case, mesh: Path, forces: Forces | None = None) -> Deck:
+def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
     """What is written of a case.
 
     Args:
         case: One that `check` does not refuse.
         mesh: The mesh file of its device.
-        forces: Nodes' undeformed places in m and forces on them in N, shape (n, 3) each, of its dead loads.
+        system: The device's equations with displacements alone, on one rank; None where it needs none (`needs_equations`).
 
     Raises:
         CaseError: Cells, or loads, that cannot be written.
@@ -77,11 +144,37 @@ def deck_of(case: Case, mesh: Path, forces: Forces | None = None) -> Deck:
     arrays = read_arrays(mesh)
     if arrays.cells.shape[1] == 4:
         raise CaseError("the mesh has tetrahedra of 4 nodes, which lock in silicone; take cells of second order")
-    held, tied = _supports(case, arrays)
+    forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, Freedom]()
+    if system is not None:
+        forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
+        pressed = pressing(case.obstacle, system, arrays, case.parts)
+        springs = (*pressed, *threads(arrays, case.parts, system.length_unit))
+        freedoms = {
+            name: dataclasses.replace(motion.freedom, centre=motion.freedom.centre * system.length_unit)
+            for name, motion in system.unknowns.moving.items()
+        }
+    supports = supports_of(case, arrays, freedoms)
+    _check_apart(supports, springs)
     silicones = silicones_of(case.material, case.parts, arrays.regions)
     goals = tuple(goal for goal in case.goals if goal > 0.0)
-    own = None if forces is None else _by_node(arrays, *forces)
-    return Deck(case, arrays, goals, held, tied, silicones, own)
+    return Deck(case, arrays, goals, supports, silicones, forces, springs)
+
+
+def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
+    """Refuse springs of nodes that turn with a rigid part: CalculiX 2.20 loses a part of their motion in equations."""
+    for part in supports.rigged:
+        for one in springs:
+            if part.turn is not None and not one.nodes.isdisjoint(part.nodes.tolist()):
+                raise CaseError(
+                    f"{one.label} acts on nodes of the rigid part {part.name}, which turns, and CalculiX gets that wrong: "
+                    "guide the part (kind = 'guided'), or name other faces"
+                )
+
+
+def needs_equations(case: Case) -> bool:
+    """Whether a deck says what the device's equations know: dead loads, what is held or rigid, or what presses."""
+    kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
+    return bool(acting(case)) or case.obstacle is not None or any(isinstance(part, kinds) for part in case.parts)
 
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
@@ -115,63 +208,27 @@ def check(case: Case) -> None:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck has pressures (pressure_cm), and no cycle"
         )
-    if device.ratios != (1.0,):
-        raise CaseError("the device has several cavities; a deck has one pressure, so give a device with one cavity")
     main, *others = silicones_of(case.material, case.parts, device.regions)
     main.check("")
     for silicone in others:
         silicone.check(f"region {silicone.name}: ")
-    unknown = [part.where for part in case.parts if not isinstance(part, (Region, *LOADS))]
-    for what, there in (("a sheet", case.sheet), ("contact", case.obstacle), *((where, True) for where in unknown)):
-        if there:
-            raise CaseError(f"the case has {what}, which is not written into decks; leave it out")
+    for what in _unknown(case):
+        raise CaseError(f"the case has {what}, which is not written into decks; leave it out")
 
 
-def _supports(case: Case, mesh: MeshArrays) -> tuple[dict[int, Ints], tuple[tuple[int, int, dict[int, float]], ...]]:
-    """Held and tied displacements: at each node the directions that its roles hold, solved for as few components."""
-    device, rows = case.actuator, np.zeros((len(mesh.points), 0, 3))
-    for role, direction in [
-        *((plane.name, plane.normal) for plane in device.cut_planes),
-        *((hold.role, hold.direction) for hold in device.holds),
-    ]:
-        added = np.zeros((len(mesh.points), 3, 3))
-        added[mesh.nodes[role]] = np.eye(3) if direction is None else [direction, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
-        rows = np.concatenate([rows, added], axis=1)
-    held: dict[int, list[int]] = {0: [], 1: [], 2: []}
-    tied = []
-    for node in np.flatnonzero(np.abs(rows).any(axis=(1, 2))):
-        for component, factors in _solved(rows[node]):
-            if factors:
-                tied.append((int(node), component, factors))
-            else:
-                held[component].append(int(node))
-    return {component: np.array(nodes, dtype=np.int64) for component, nodes in held.items() if nodes}, tuple(tied)
-
-
-def _solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
-    """Components that vanish, or depend on others, where some directions are held: the reduced row echelon form.
-
-    Args:
-        rows: Held directions, shape (k, 3).
-
-    Returns:
-        Components with the factors of those that they are the sum of; none for one that vanishes.
-    """
-    matrix, found = rows.copy(), []
-    pivots: list[tuple[int, int]] = []
-    for _ in range(3):
-        free = np.abs(matrix).copy()
-        for row, column in pivots:
-            free[row], free[:, column] = 0.0, 0.0
-        row, column = divmod(int(free.argmax()), 3)
-        if free[row, column] < 1e-9:
-            break
-        matrix[row] /= matrix[row, column]
-        for other in range(len(matrix)):
-            if other != row:
-                matrix[other] -= matrix[other, column] * matrix[row]
-        pivots.append((row, column))
-    for row, column in sorted(pivots, key=lambda pivot: pivot[1]):
-        factors = {i: -float(matrix[row, i]) for i in range(3) if i != column and abs(matrix[row, i]) > 1e-9}
-        found.append((column, factors))
-    return found
+def _unknown(case: Case) -> Iterator[str]:
+    """What decks have no words for, by its name."""
+    if case.sheet:
+        yield "a sheet"
+    for part in case.parts:
+        if isinstance(part, RigidShape):
+            if part.shape not in SHAPES:
+                yield f"{part.where} with a shape {part.shape!r}, where springs know {' and '.join(SHAPES)} and planes"
+            if part.guide:
+                yield f"{part.where} with a guide"
+            if part.friction:
+                yield f"{part.where} with friction"
+        elif isinstance(part, Fabric) and not threaded(part):
+            yield f"{part.where} whose yarns contract each other or resist shear"
+        elif not isinstance(part, (Region, Clamp, Rigid, Fibres, Fabric, *LOADS)):
+            yield part.where

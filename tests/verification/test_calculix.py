@@ -1,0 +1,102 @@
+"""Cases solved by CalculiX from the decks that are exported: rigid parts, clamps, contact, fibres, cavities, dead loads.
+
+Both programs have the same coarse mesh with displacements alone and the same energies; the rest is their own. The tests need
+`ccx` (apt-get install calculix-ccx) and are skipped without it.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+import softmodels as sm
+
+pytestmark = pytest.mark.skipif(shutil.which("ccx") is None, reason="needs CalculiX (apt-get install calculix-ccx)")
+
+CALCULIX = "CalculiX 2.20 of the exported deck, same mesh"
+LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
+FINGER = sm.PneuNet(chambers=2, cell_size=0.008)
+ROD = sm.RigidShape("cylinder", "bottom", (0.012, 0.0, -0.0055), 0.004, along=(0.0, 1.0, 0.0), name="rod")
+BALL = sm.RigidShape("sphere", "outer", (0.0065, 0.01402, 0.010), 0.006, name="ball")
+
+
+def solved(folder, name, pressure, device=FINGER, **more):
+    """The case's last row by softmodels; by CalculiX displacements in mm of the nodes that the deck names, at its last step."""
+    case = sm.Case(name, device, LAW, pressures_cm=(pressure,), formulation="displacement", **more)
+    deck = sm.export(case, folder / "deck.inp")
+    subprocess.run(["ccx", "deck"], cwd=folder, capture_output=True, check=True, timeout=600)
+    *_, last = (folder / "deck.dat").read_text().split("displacements")
+    words = [line.split() for line in last.splitlines()]
+    found = {int(one[0]) - 1: np.array(one[1:], dtype=float) for one in words if len(one) == 4 and one[0].isdigit()}
+    return sm.run(case).rows[-1], {name: found[node] for name, node in deck.watched.items()}
+
+
+def probes_off(row, found, device=FINGER):
+    """Shares by which CalculiX' rises of the device's probes differ."""
+    lift = np.array(device.lift)
+    return [found[probe] @ lift / row[f"{probe}_mm"] - 1 for probe in device.probes]
+
+
+def test_a_plate_that_turns_under_its_weight(tmp_path, figure):
+    """A rigid tip of its own mass, free in the half: it sags, and the air bends it further."""
+    plate, weight = sm.Rigid("tip", name="plate", mass=5e-3), sm.Gravity("0.6, 0, -0.8")
+    row, found = solved(tmp_path, "plate", 6.0, parts=(plate, weight))
+    assert row["plate_turn_y_deg"] > 5.0
+    moved = found["centre of plate"] / [row["plate_x_mm"], np.inf, row["plate_z_mm"]]
+    figure(CALCULIX, "way of a free rigid plate's centre", moved[[0, 2]] - 1, 2e-5)
+    turned = math.degrees(found["rotation vector of plate in rad"][1])
+    figure(CALCULIX, "turn of a free rigid plate", turned / row["plate_turn_y_deg"] - 1, 2e-5)
+
+
+def test_a_guided_plate_and_a_rod(tmp_path, figure):
+    """A tip guided askew to the axes, and a rigid cylinder under the bottom."""
+    plate = sm.Rigid("tip", kind="guided", direction=(0.28, 0.0, -0.96), name="plate")
+    row, found = solved(tmp_path, "guided", 12.0, parts=(plate, ROD))
+    assert row["rod_depth_mm"] > 1e-3 and row["rod_force_z_N"] < 0.0
+    moved = found["centre of plate"] / [row["plate_x_mm"], np.inf, row["plate_z_mm"]]
+    figure(CALCULIX, "way of a guided rigid plate, beside a rigid cylinder", moved[[0, 2]] - 1, 1e-4)
+
+
+def test_a_clamp_that_slips_and_a_ball(tmp_path, figure):
+    """A tip that slips along z alone, and a rigid sphere beside the first chamber."""
+    row, found = solved(tmp_path, "clamped", 20.0, parts=(sm.Clamp("tip", slip="z"), BALL))
+    assert row["ball_depth_mm"] > 1e-3 and row["ball_force_y_N"] > 0.0
+    figure(CALCULIX, "rise of a clamped tip, beside a rigid sphere", probes_off(row, found), 8e-5)
+
+
+def test_a_membrane_with_a_plate_that_meets_a_plane(tmp_path, figure):
+    """A wedge: the plate rises to a bench above it, and the ring around bulges on; a rigid collar rises with it."""
+    device = sm.Membrane(
+        radius=0.02, thickness=0.003, plate_radius=0.006, rings=(0.010, 0.013), ring_thickness=0.002, section="wedge",
+        angle=30.0, cell_size=0.012,
+    )  # fmt: skip
+    parts = (sm.Rigid("plate", name="plate"), sm.Rigid(region="ring1", name="collar"))
+    bench = sm.Obstacle("plate", "z = 4 mm")
+    row, found = solved(tmp_path, "bench", 25.0, device, parts=parts, obstacle=bench)
+    assert row["contact_force_N"] > 0.0
+    for name in ("plate", "collar"):
+        rise = found[f"centre of {name}"][2] / row[f"{name}_z_mm"] - 1
+        figure(CALCULIX, f"rise of a rigid {name}, the plate against a plane", rise, 5e-6)
+    figure(CALCULIX, "rise of a membrane with rigid parts, against a plane", probes_off(row, found, device), 1e-5)
+
+
+def test_fibres_and_a_fabric(tmp_path, figure):
+    """Threads along a finger's bottom that bend it, and a fabric on its top."""
+    parts = (
+        sm.Fibres("bottom", axis=(1.0, 0.0, 0.0), angle=0.0, helices=1, stiffness=300.0, name="threads"),
+        sm.Fabric("top", 200.0, 50.0, axis=(1.0, 0.0, 0.0), name="cloth"),
+    )
+    row, found = solved(tmp_path, "threads", 12.0, parts=parts)
+    bare = sm.run(sm.Case("bare", FINGER, LAW, pressures_cm=(12.0,), formulation="displacement")).rows[-1]
+    assert abs(row["tip_mm"] / bare["tip_mm"] - 1) > 0.1
+    figure(CALCULIX, "rise of a finger with fibres and a fabric", probes_off(row, found), 1e-4)
+
+
+def test_two_cavities(tmp_path, figure):
+    device = sm.PneuNet(chambers=2, cell_size=0.008, sides=2, opposite=0.25)
+    row, found = solved(tmp_path, "two", 12.0, device)
+    figure(CALCULIX, "rise of a finger with two pressures", probes_off(row, found, device), 2e-4)
