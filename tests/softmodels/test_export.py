@@ -54,11 +54,11 @@ def test_pressures_and_silicone(decks):
     feb = ElementTree.parse(folder / "disk.feb").getroot()
     pressures = [float(value) for value in re.findall(r"CAVITY, P, (\S+)", inp)]
     assert pressures == pytest.approx(CASE.goals[1:], rel=1e-12)
-    air, steps = ([pt.text.split(",") for pt in curve.iter("pt")] for curve in feb.iter("load_controller"))
+    steps, air = ([pt.text.split(",") for pt in curve.iter("pt")] for curve in feb.iter("load_controller"))
     assert [float(value) for _, value in air] == pytest.approx([0.0, *pressures], rel=1e-12)
     # Its steps meet the times of the curve that its largest step names, and with them the requested pressures.
     assert [time for time, _ in steps] == [time for time, _ in air] and {value for _, value in steps} == {"0.1"}
-    assert feb.find("Control/time_stepper/dtmax").get("lc") == "2"
+    assert feb.find("Control/time_stepper/dtmax").get("lc") == "1"
     c1, c2, c3, d1, d2, d3 = map(float, re.search(r"YEOH\n(.+)", inp)[1].split(","))
     assert (c1, c2, c3) == pytest.approx((14e3, 60.0, 0.5), rel=1e-12) and d2 == d3 == 1e10
     assert 2 / d1 == pytest.approx(LAW.bulk, rel=1e-12)

@@ -14,6 +14,7 @@ import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.mechanics.contact import ONSET
 from softmodels.mechanics.round_shapes import distances
+from softmodels.path.program import from_tables
 
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
 FINGER = Case("finger", sm.PneuNet(chambers=2, cell_size=0.008), LAW, pressures_cm=(4.0, 8.0))
@@ -131,8 +132,8 @@ def test_dead_loads_in_febio_do_the_same_work(tmp_path, kind):
         axis: f"force_{axis}" for axis in "xyz"
     }
     curves = {one.get("id"): [pt.text for pt in one.iter("pt")] for one in root.iter("load_controller")}
-    assert curves["3"] == ["0,0", "1,1", "2,1", "3,1"] and [pt.split(",")[0] for pt in curves["2"]] == list("0123")
-    assert [float(pt.split(",")[1]) for pt in curves["1"]][:2] == [0.0, 0.0]
+    assert curves["3"] == ["0,0", "1,1", "2,1", "3,1"] and [pt.split(",")[0] for pt in curves["1"]] == list("0123")
+    assert by_cavity(tmp_path / "finger.feb")["cavity"] == pytest.approx([0.0, 0.0, *FINGER.goals])
     assert all(one.find("scale").get("lc") == "3" and one.find("scale").get("type") == "map" for one in loads.values())
 
 
@@ -273,9 +274,36 @@ def test_each_cavity_has_its_share_of_the_pressure(tmp_path):
     assert [float(p) for _, p in found] == pytest.approx(
         [f * goal for goal in case.goals for f in (1.0, 0.25)], rel=1e-12
     )
-    loads = ElementTree.parse(tmp_path / "x.feb").getroot().findall("Loads/surface_load")
-    shares = {one.get("surface"): float(one.find("pressure").text) for one in loads}
-    assert shares == {"cavity": 1.0, "cavity2": 0.25} and all(one.find("pressure").get("lc") == "1" for one in loads)
+    assert [len(set(p)) for p in by_cavity(tmp_path / "x.feb").values()] == [3, 3]
+    assert by_cavity(tmp_path / "x.feb")["cavity2"] == pytest.approx([0.0, *(0.25 * goal for goal in case.goals)])
+
+
+def by_cavity(file):
+    """Pressures over the times of a deck of FEBio."""
+    root = ElementTree.parse(file).getroot()
+    curves = {
+        one.get("id"): [float(pt.text.split(",")[1]) for pt in one.iter("pt")] for one in root.iter("load_controller")
+    }
+    assert list(curves) == [str(number) for number in range(1, len(curves) + 1)]  # FEBio wants them in order
+    loads = {one.get("surface"): one.find("pressure") for one in root.findall("Loads/surface_load")}
+    assert {one.text for one in loads.values()} == {"1"}
+    return {role: curves[one.get("lc")] for role, one in loads.items()}
+
+
+def test_a_program_of_pressures_is_written_step_by_step(tmp_path):
+    device = sm.PneuNet(chambers=2, cell_size=0.008, sides=2, opposite=1.0)
+    series = {"cavity1": {"pressure_cm": [0, 4, 4]}, "cavity2": {"pressure_cm": [0, 0, 6]}}
+    case = Case("two", device, LAW, program=from_tables(series))
+    sm.export(case, tmp_path / "x.inp")
+    sm.export(case, tmp_path / "x.feb")
+    found = [float(p) for p in re.findall(r"CAVITY\d?, P, (\S+)", (tmp_path / "x.inp").read_text())]
+    assert found == pytest.approx([case.cm * p for p in (4, 0, 4, 6)], rel=1e-12)
+    curves = by_cavity(tmp_path / "x.feb")
+    assert curves["cavity"] == pytest.approx([case.cm * p for p in (0, 4, 4)], rel=1e-12)
+    assert curves["cavity2"] == pytest.approx([case.cm * p for p in (0, 0, 6)], rel=1e-12)
+    series["cavity2"] = {"volume_ml": [0, 0, 0.1]}
+    with pytest.raises(CaseError, match="a deck has pressures"):
+        sm.export(dataclasses.replace(case, program=from_tables(series)), tmp_path / "y.inp")
 
 
 BALL = sm.RigidShape("sphere", "bottom", (0.012, 0.0, -0.007), 0.005, name="ball")

@@ -55,9 +55,9 @@ def calculix(deck: Deck) -> str:
     _write_springs(deck, out)
     if deck.forces is not None:
         _write_step(out, "*CLOAD\n" + _forces(deck.forces))
-    for pressure in deck.pressures:
-        loads = "".join(f"{role.upper()}, P, {share * pressure:.12e}\n" for role, share in deck.air)
-        _write_step(out, f"*DSLOAD\n{loads}")
+    for pressures in deck.pressures:
+        loads = [f"{role.upper()}, P, {p:.12e}\n" for role, p in zip(deck.walls, pressures, strict=True)]
+        _write_step(out, "*DSLOAD\n" + "".join(loads))
     return out.getvalue()
 
 

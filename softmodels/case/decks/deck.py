@@ -30,6 +30,7 @@ from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.rigid_motion import Freedom
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.system import System
+from softmodels.path.program import begins_at_rest
 
 Array = npt.NDArray[np.float64]
 
@@ -48,7 +49,7 @@ class Deck:
     Attributes:
         case: The case.
         mesh: Its mesh, cells of second order.
-        pressures: Requested pressures above zero in Pa, rising; of the first cavity.
+        pressures: Of each cavity in Pa, step by step, shape (steps, cavities).
         supports: How its nodes may move.
         silicones: Its materials, the main one first.
         forces: Of all dead loads, on the slice, in N, shape (n, 3); None where there are none.
@@ -57,16 +58,16 @@ class Deck:
 
     case: Case
     mesh: MeshArrays
-    pressures: tuple[float, ...]
+    pressures: Array
     supports: Supports
     silicones: tuple[Silicone, ...]
     forces: Array | None = None
     springs: tuple[Springs, ...] = ()
 
     @property
-    def air(self) -> list[tuple[str, float]]:
-        """Walls of each cavity, and the share of the pressures in it."""
-        return list(zip(cavity_roles(self.case.actuator), self.case.actuator.ratios, strict=True))
+    def walls(self) -> list[str]:
+        """Role of each cavity's walls."""
+        return cavity_roles(self.case.actuator)
 
     @functools.cached_property
     def points(self) -> Array:
@@ -156,8 +157,14 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
     supports = supports_of(case, arrays, freedoms)
     _check_apart(supports, springs)
     silicones = silicones_of(case.material, case.parts, arrays.regions)
-    goals = tuple(goal for goal in case.goals if goal > 0.0)
-    return Deck(case, arrays, goals, supports, silicones, forces, springs)
+    return Deck(case, arrays, _pressures(case), supports, silicones, forces, springs)
+
+
+def _pressures(case: Case) -> Array:
+    """Requested pressures of each cavity in Pa, but those of the device at rest, shape (steps, cavities)."""
+    if case.program:
+        return case.cm * np.array([series.values for series in case.program]).T[begins_at_rest(case.program) :]
+    return np.outer([goal for goal in case.goals if goal > 0.0], case.actuator.ratios)
 
 
 def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
@@ -204,7 +211,8 @@ def check(case: Case) -> None:
         raise CaseError(
             f'the case has an axisymmetric section of {type(device).__name__}; write a deck of a solid one (section = "wedge")'
         )
-    if not case.pressures_cm or max(case.pressures_cm) == 0.0 or case.cycle:
+    pressed = case.program and all(series.key == "pressure_cm" for series in case.program)
+    if not (pressed or max(case.pressures_cm, default=0.0) > 0.0) or case.cycle:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck has pressures (pressure_cm), and no cycle"
         )

@@ -22,18 +22,19 @@ from softmodels.mechanics.rigid_shapes import RigidShape
 
 Node = ElementTree.Element
 
+FIRST_CAVITY = 2
+"""Number of the curve with its pressure."""
 LARGEST_STEP = "0.1"
 """Of the time; one pressure follows the other at 1."""
 
 
 def febio(deck: Deck) -> str:
     """The deck's text: time 1, 2, ... is at the requested pressures, in order; where there are dead loads, behind them."""
-    loaded = deck.forces is not None
     root = Node("febio_spec", version="4.0")
     for text in (WRITTEN, *deck.remarks):
         root.append(ElementTree.Comment(f" {text.replace('--', '- -')} "))
     ElementTree.SubElement(root, "Module", type="solid")
-    _control(root, len(deck.pressures) + loaded)
+    _control(root, len(deck.pressures) + (deck.forces is not None))
     _materials(root, deck)
     _mesh(root, deck)
     domains = ElementTree.SubElement(root, "MeshDomains")
@@ -44,13 +45,7 @@ def febio(deck: Deck) -> str:
     _boundary(root, deck)
     _rigid(root, deck)
     _loads(root, deck)
-    data = ElementTree.SubElement(root, "LoadData")
-    idle = [0.0] * (1 + loaded)
-    _curve(data, 1, "pressure", [f"{pressure:.12e}" for pressure in (*idle, *deck.pressures)])
-    # FEBio's steps are as long as it likes; its curve of largest steps has the times that they do not pass.
-    _curve(data, 2, "largest steps", [LARGEST_STEP] * (len(deck.pressures) + 1 + loaded))
-    if loaded:
-        _curve(data, 3, "dead loads", ["0", *["1"] * (len(deck.pressures) + 1)])
+    _curves(root, deck)
     output = ElementTree.SubElement(root, "Output")
     plot = ElementTree.SubElement(output, "plotfile", type="febio")
     ElementTree.SubElement(plot, "var", type="displacement")
@@ -82,6 +77,17 @@ def _curve(parent: Node, number: int, name: str, values: list[str]) -> None:
         _text(points, "pt", f"{time},{value}")
 
 
+def _curves(root: Node, deck: Deck) -> None:
+    """Curves over the time, whose numbers FEBio wants in order: largest steps, each cavity's pressure, then dead loads."""
+    data, loaded, steps = ElementTree.SubElement(root, "LoadData"), deck.forces is not None, len(deck.pressures)
+    # FEBio's steps are as long as it likes; its curve of largest steps has the times that they do not pass.
+    _curve(data, 1, "largest steps", [LARGEST_STEP] * (1 + loaded + steps))
+    for number, (role, pressures) in enumerate(zip(deck.walls, deck.pressures.T, strict=True), FIRST_CAVITY):
+        _curve(data, number, f"pressure {role}", [f"{p:.12e}" for p in (*[0.0] * (1 + loaded), *pressures)])
+    if loaded:
+        _curve(data, FIRST_CAVITY + len(deck.walls), "dead loads", ["0", *["1"] * (1 + steps)])
+
+
 def _control(root: Node, steps: int) -> None:
     control = ElementTree.SubElement(root, "Control")
     _text(control, "analysis", "STATIC")
@@ -90,7 +96,7 @@ def _control(root: Node, steps: int) -> None:
     stepper = ElementTree.SubElement(control, "time_stepper", type="default")
     for tag, text in (("max_retries", "20"), ("opt_iter", "15"), ("dtmin", "0.0005")):
         _text(stepper, tag, text)
-    _text(stepper, "dtmax", "0", lc="2")
+    _text(stepper, "dtmax", "0", lc="1")
     solver = ElementTree.SubElement(control, "solver", type="solid")
     _text(solver, "symmetric_stiffness", "symmetric")
 
@@ -203,15 +209,15 @@ def _mesh_data(root: Node, deck: Deck) -> None:
 
 def _loads(root: Node, deck: Deck) -> None:
     loads = ElementTree.SubElement(root, "Loads")
-    for role, share in deck.air:
+    for number, role in enumerate(deck.walls, FIRST_CAVITY):
         load = ElementTree.SubElement(loads, "surface_load", name=f"air_{role}", type="pressure", surface=role)
-        _text(load, "pressure", f"{share:.12g}", lc="1")
+        _text(load, "pressure", "1", lc=str(number))
         _text(load, "symmetric_stiffness", "1")
     if deck.forces is not None:
         for axis in "xyz":
             load = ElementTree.SubElement(loads, "nodal_load", name=f"dead_{axis}", type="nodal_load", node_set="every")
             _text(load, "dof", axis)
-            _text(load, "scale", f"force_{axis}", type="map", lc="3")
+            _text(load, "scale", f"force_{axis}", type="map", lc=str(FIRST_CAVITY + len(deck.walls)))
 
 
 def _rigid(root: Node, deck: Deck) -> None:
