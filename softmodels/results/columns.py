@@ -6,6 +6,7 @@ field (`OutputField.extremes`) or with a figure that all ranks compute together 
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterator
@@ -52,8 +53,12 @@ def term(column: str, device: Actuator | None = None, supply: str = "supply") ->
 
 
 def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
-    """The columns that tell of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; of one alone ``pressure_cm``."""
-    return [name for name in row if re.fullmatch(rf"{what}_\d+_{unit}", name)] or [f"{what}_{unit}"]
+    """The columns that tell of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; of one alone ``pressure_cm``.
+
+    They are counted from 1 on: ``pressure_95_cm`` is half the 95 % band of the pressure, and of no cavity.
+    """
+    numbered = (f"{what}_{k}_{unit}" for k in itertools.count(1))
+    return list(itertools.takewhile(row.__contains__, numbered)) or [f"{what}_{unit}"]
 
 
 def loads_words(row: Row) -> list[str]:
@@ -116,7 +121,7 @@ def _cavity_cells(solved: Solved) -> dict[str, Cell]:
 
 def _cavity_term(column: str, device: Actuator | None) -> Term | None:
     found = re.fullmatch(r"(pressure|added_volume)_(\d+)_(cm|ml)", column)
-    if not found:
+    if not found or found[2] == "95":  # the 95 % band's, see `cavity_columns`
         return None
     words = found[1].replace("_", " ")
     return described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} alone"))

@@ -11,9 +11,11 @@ import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.case.material_errors import MaterialErrors
 from softmodels.mechanics.loads import Gravity, Mass
+from softmodels.pictures.style import headline
 from softmodels.results.columns import term
 from softmodels.results.limits import find_limit
 from softmodels.results.notes import band_notes
+from softmodels.results.state_words import state_words
 
 DISK = sm.HollowDisk(section="axisymmetric", membrane=0.003)
 C1, C2 = 14e3, 60.0
@@ -144,3 +146,12 @@ def test_tables_that_are_no_band(table):
 def test_no_band_of_a_cycle():
     with pytest.raises(CaseError, match="a band is told of states"):
         Case("disk", DISK, law(), pressures_cm=(10.0,), cycle=True, band=ERRORS)
+
+
+def test_titles_tell_the_pressure_and_not_its_band(run):
+    row, words = run.last.row, state_words(run.case)
+    assert row["pressure_95_cm"] > 0.0 and headline(row, words).startswith(f"{row['pressure_cm']:.4g} cm of water")
+    assert (words.pressures(row), words.volumes(row)) == (["pressure_cm"], ["added_volume_ml"])
+    assert term("pressure_95_cm", DISK).name.startswith("band") and term("added_volume_95_ml", DISK).name.startswith(
+        "band"
+    )
