@@ -75,8 +75,8 @@ class Continuation:
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
         self.V0, self.plane = start.V, Plane.of(V_scale, tangent.compliance)
-        self.requested = self.requested.from_volume(self.V0)
-        known = (Pressure(), AddedVolume(self.V0), ArcLength(self.plane), self.requested)
+        self.requested = self.requested.counted(self.V0, rest.V)
+        known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)
         self._known: dict[str, Followed] = {one.name: one for one in known}
         self.trail = Trail(solver)
         self.trail.line = self.requested.name if self.control == "auto" else self.control

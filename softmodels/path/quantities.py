@@ -111,8 +111,8 @@ class Quantity(abc.ABC):
     def curve(self, value: float) -> Curve:
         """The curve on which it has a value."""
 
-    def from_volume(self, V0: float) -> Quantity:
-        """The same for a path that begins at this volume."""
+    def counted(self, start: float, undeformed: float) -> Quantity:
+        """The same for a path that begins at the volume ``start``, of a device that has another one undeformed."""
         return self
 
     def starts_forward(self, state: State, tangent: Tangent) -> bool:
@@ -171,17 +171,17 @@ class Pressure(Quantity):
 
 @dataclasses.dataclass(frozen=True)
 class AddedVolume(Quantity):
-    """The cavity's volume beyond that at the path's first state.
+    """The cavity's volume beyond that of the undeformed device, wherever a path begins.
 
     Attributes:
-        V0: The volume there; a path puts in its own.
+        V0: The volume from which it counts; a path puts in its own.
     """
 
     V0: float = 0.0
     name: ClassVar[str] = "volume"
 
-    def from_volume(self, V0: float) -> AddedVolume:
-        return dataclasses.replace(self, V0=V0)
+    def counted(self, start: float, undeformed: float) -> AddedVolume:
+        return dataclasses.replace(self, V0=undeformed)
 
     def value(self, V: float, P: float) -> float:
         return V - self.V0
@@ -199,6 +199,14 @@ class AddedVolume(Quantity):
         return LARGEST_VOLUME_STEP * max(state.V, plane.V_scale)
 
 
+@dataclasses.dataclass(frozen=True)
+class Gained(AddedVolume):
+    """The cavity's volume beyond that at the path's first state."""
+
+    def counted(self, start: float, undeformed: float) -> Gained:
+        return dataclasses.replace(self, V0=start)
+
+
 class DeadForce(Pressure):
     """A dead load's magnitude, where P is that."""
 
@@ -206,7 +214,7 @@ class DeadForce(Pressure):
 
 
 @dataclasses.dataclass(frozen=True)
-class Travel(AddedVolume):
+class Travel(Gained):
     """How far a dead load has moved what it acts on since the path's first state, where V is that."""
 
     name: ClassVar[str] = "travel"

@@ -51,9 +51,11 @@ def follow(
     rest[len(eq.volumes()) :] = hung.driven[len(eq.volumes()) :]
     values, held = in_drivers(solver, program, pascal_per_cm, hung.drives)
     first, here = int(begins_at_rest(program)), begin or hung
-    # What is held counts from where the device hangs; what is given is a magnitude.
+    # A volume that is held counts from the undeformed cavity, a travel from where the device hangs, and 0 is either as it
+    # hangs; what is given is a magnitude.
     before = hung.drives.copy()
-    before[held] = 0.0
+    before[held] = (hung.driven - rest)[held]
+    values[:, held] = np.where(values[:, held] == 0.0, before[held], values[:, held])
     for number, row in enumerate(values[first:], 1):
         if number <= here.number:
             before = row

@@ -18,7 +18,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd, Point
-from softmodels.path.quantities import AddedVolume, Pressure, Quantity
+from softmodels.path.quantities import Gained, Pressure, Quantity
 
 Array = npt.NDArray[np.float64]
 
@@ -92,7 +92,7 @@ class Stage:
         """
         by_volume = any(change[driver] for driver in held)
         make = Coupling.by_volume if by_volume else Coupling.by_pressure
-        requested = AddedVolume() if by_volume else Pressure()
+        requested = Gained() if by_volume else Pressure()
         return cls(start, make(start.drives, change, held, volumes), requested, float(np.abs(change).max()))
 
     def follow(self, solver: Solver, control: str, report: Callable[[str], None]) -> Iterator[tuple[float, Point]]:

@@ -59,6 +59,27 @@ class Beginning:
         place = len(system.body.actuator.ratios) + system.dead.index(driven.of(self.case.parts).key)
         return load_from(self.solver, hung, place)
 
+    def check_volumes(self, start: State | None) -> None:
+        """Refuse requested volumes that the cavity has passed already where the device hangs.
+
+        Args:
+            start: Where the path begins, the drivers coupled for it; None for the undeformed state.
+
+        Raises:
+            RunError: There is one.
+        """
+        if start is None or not self.case.volumes_ml:
+            return
+        system = self.solver.system
+        taken = (start.V - system.rest().V) * system.volume_unit * 1e6
+        system.load(start)
+        if passed := [value for value in self.case.volumes_ml if 0.0 < value < taken]:
+            raise RunError(
+                f"{passed[0]:g} ml are not on this path: where the device hangs under its loads its cavity has taken "
+                f"{taken:.4g} ml already, counted from the undeformed device; request more, or 0 for where it hangs",
+                NO_EQUILIBRIUM,
+            )
+
     def unit_of(self, quantity: str) -> float:
         """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight."""
         system, driven = self.solver.system, self.case.driven

@@ -172,6 +172,7 @@ class Simulation:
         goals = self._goals()
         self._path = path = self._continuation(goals[-1])
         path.start, path.recall = self.beginning.state(), begun.recall
+        self.beginning.check_volumes(path.start)
         if begun.rows and not case.cycle:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
         try:

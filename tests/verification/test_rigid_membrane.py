@@ -64,9 +64,9 @@ class Plated:
     def inflated(self):
         """Points of the path from where it hangs, through the volumes that the membrane equations have at `HEIGHTS`."""
         start = inflate_from(self.solver, hang(self.solver, [("the weight", self.loads)], lambda text: None))
-        goals = [(self.system.body.actuator.cavity_volume + one.volume) / self.system.volume_unit for one in self.exact]
+        goals = [one.volume / self.system.volume_unit for one in self.exact]
         path = Continuation(self.solver, DIRECT["volume"], "volume", 0.05 * goals[-1], start=start)
-        return start, list(trace(path, [goal - start.V for goal in goals]))
+        return start, list(trace(path, goals))
 
     def held_at(self, height):
         """Force of the load cell that holds the plate at a height, at the pressure that the membrane equations have there."""
