@@ -24,6 +24,7 @@ from softmodels.case.material_check import check_materials
 from softmodels.case.material_errors import ErrorsEntry, MaterialErrors
 from softmodels.case.material_table import DEFAULT
 from softmodels.case.parts_entry import Parts, PartsEntry, check_parts
+from softmodels.case.pressures_entry import Pressures
 from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntry, NameEntry, ProgramEntry
 from softmodels.materials.laws import Material
 from softmodels.materials.stability import check_rest
@@ -58,8 +59,9 @@ def _value[V](table: str, key: str, kind: Kind, text: str, default: V, **more: U
     return dataclasses.field(default=default, metadata=_written(entry))
 
 
-def _series(key: str, what: str, text: str) -> tuple[float, ...]:
-    return _value("load", key, SeriesKind(), text, (), what=what, hidden=True, metavar="SERIES")
+def _series(key: str, what: str, text: str, kind: type[Value] = Value) -> tuple[float, ...]:
+    entry = kind("load", key, About(SeriesKind(), text), (), what=what, hidden=True, metavar="SERIES")
+    return dataclasses.field(default=(), metadata=_written(entry))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +97,7 @@ class Case:
     actuator: Actuator = dataclasses.field(metadata=_written(DeviceEntry()))
     material: Material = dataclasses.field(metadata=_written(MaterialEntry()))
     pressures_cm: tuple[float, ...] = _series(
-        "pressure_cm", "pressure", "pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177"
+        "pressure_cm", "pressure", "pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177", Pressures
     )
     volumes_ml: tuple[float, ...] = _series(
         "volume_ml", "volume", "added volumes of the cavity in ml, in place of pressures"
@@ -264,7 +266,7 @@ def _check_tables(tables: Tables) -> None:
         if values:
             owners = [entry for entry in entries().values() if table in entry.tables]
             rest = (key for key in found if any(entry.known(key) for entry in owners))
-            _known(found, f"[{table}]", (*(entry.key for entry in values), *rest))
+            _known(found, f"[{table}]", (*(key for entry in values for key in entry.keys), *rest))
     for table in ("geometry", "load"):
         if table not in tables:
             raise CaseError(f"the case has no [{table}] table")

@@ -140,11 +140,16 @@ class Value(Entry[object]):
         return (self.table,)
 
     @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of its table by which it may be given."""
+        return (self.key,)
+
+    @property
     def _option(self) -> str:
         return self.option or self.key
 
     def known(self, key: str) -> bool:
-        return key == self.key
+        return key in self.keys
 
     def read(self, tables: Tables) -> object:
         value = table_of(tables, self.table).get(self.key, MISSING)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 
-from measurement.units import UnitError, brief, numbers
+from measurement.units import UnitError, brief, numbers, quantity
 from measurement.wording import Spoken
+
+ML = 1e-6
+"""m3 in one ml."""
 
 
 class SeriesError(Spoken, ValueError):
@@ -68,3 +72,55 @@ def _range(numbers: list[float], text: str, what: str) -> list[float]:
         raise SeriesError(f"{what} {brief(text)} asks for {count:.0f} values; use a larger step")
     inner = [start + step * i for i in range(math.floor(count * (1 - 1e-12)) + 1)]
     return [*(value for value in inner if value < stop), stop]
+
+
+def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> tuple[float, ...]:
+    """Requested values of a text with a unit behind it, such as ``"0:17 kPa"``, in cm of the column or in ml.
+
+    Args:
+        unit: ``"cm"`` or ``"ml"``.
+        text: The text.
+        what: ``"pressure"`` or ``"volume"``, for the messages.
+        pascal_in_cm: Pa in one cm of the column.
+
+    Raises:
+        SeriesError: See `series`; a unit that is missing, unknown or of something else.
+    """
+    values, written = split_text(text)
+    scale = _scale(unit, text, written, what, pascal_in_cm)
+    return tuple(value * scale for value in series(values, what))
+
+
+def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> float:
+    """One value of a text with a unit behind it, as `of_text` has several."""
+    value, written = split_text(text)
+    scale = _scale(unit, text, written, what, pascal_in_cm)
+    try:
+        return quantity(value, "") * scale
+    except UnitError as error:
+        raise SeriesError(f"{what} {brief(text)}: {error}") from None
+
+
+def _scale(unit: str, text: str, written: str, what: str, pascal_in_cm: float) -> float:
+    if written == unit:
+        return 1.0
+    factor = factor_of(written, "Pa" if unit == "cm" else "m^3")
+    if factor is None:
+        examples = "0:177 cm or 0:17 kPa" if unit == "cm" else "0:60 ml"
+        trouble = f"an unknown unit, {brief(written)}" if written else "no unit"
+        raise SeriesError(f"{what} {brief(text)} has {trouble}; write it like {examples}, or give numbers in SI units")
+    return factor / (pascal_in_cm if unit == "cm" else ML)
+
+
+def split_text(text: str) -> tuple[str, str]:
+    """The numbers of a text and the unit behind them; letters within a number are an exponent's."""
+    match = re.fullmatch(r"\s*(.*?[\d.])?\s*([^\d\s.,:][^:,]*)?\s*", text)
+    return (match[1] or "", (match[2] or "").strip()) if match else (text, "")
+
+
+def factor_of(unit: str, si: str) -> float | None:
+    """SI units in one of a unit; None if it is of another kind, or unknown."""
+    try:
+        return quantity(f"1 {unit}", si) if unit else None
+    except UnitError:
+        return None

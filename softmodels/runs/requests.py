@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import TypedDict, Unpack
 
@@ -14,7 +13,7 @@ from measurement.units import WATER_DENSITY, UnitError, brief, pascal_per_cm, qu
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
 from softmodels.case.material_errors import MaterialErrors
-from softmodels.case.ranges import SeriesError, series
+from softmodels.case.ranges import ML, SeriesError, factor_of, of_text, series, split_text
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.parts import Part
@@ -24,8 +23,6 @@ from softmodels.path.syringe import Syringe
 
 type Values = str | float | Sequence[float] | npt.NDArray[np.float64]
 """Requested values: a text with a unit such as ``"0:177 cm"``, or numbers in SI units."""
-
-ML = 1e-6
 
 
 class Options(TypedDict, total=False):
@@ -84,11 +81,11 @@ def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
     Raises:
         CaseError: Neither.
     """
-    number, unit = _split(text)
+    number, unit = split_text(text)
     if unit == "cm":
         return "pressure", _scaled(number, "pressure") * pascal_in_cm
     for what, si in (("pressure", "Pa"), ("volume", "m^3")):
-        if (factor := _factor(unit, si)) is not None:
+        if (factor := factor_of(unit, si)) is not None:
             return what, _scaled(number, what) * factor
     raise CaseError(f"{brief(text)} is no pressure and no volume; write it like 70 cm, 7 kPa or 40 ml")
 
@@ -106,7 +103,7 @@ def _in(unit: str, values: Values | None, what: str, pascal_in_cm: float) -> tup
         return ()
     try:
         if isinstance(values, str):
-            return _of_text(unit, values, what, pascal_in_cm)
+            return of_text(unit, values, what, pascal_in_cm)
         return series(_numbers(values, what, 1 / pascal_in_cm if unit == "cm" else 1 / ML), what)
     except (SeriesError, UnitError) as error:
         raise CaseError(str(error)) from None
@@ -117,29 +114,3 @@ def _numbers(values: float | Sequence[float] | npt.NDArray[np.float64], what: st
         return [float(value) * scale for value in np.atleast_1d(values)]
     except (TypeError, ValueError):
         raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit") from None
-
-
-def _of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> tuple[float, ...]:
-    numbers, written = _split(text)
-    if written == unit:
-        return series(numbers, what)
-    factor = _factor(written, "Pa" if unit == "cm" else "m^3")
-    if factor is None:
-        examples = "0:177 cm or 0:17 kPa" if unit == "cm" else "0:60 ml"
-        trouble = f"an unknown unit, {brief(written)}" if written else "no unit"
-        raise CaseError(f"{what} {brief(text)} has {trouble}; write it like {examples}, or give numbers in SI units")
-    return tuple(value * factor / (pascal_in_cm if unit == "cm" else ML) for value in series(numbers, what))
-
-
-def _split(text: str) -> tuple[str, str]:
-    """The numbers of a text and the unit behind them; letters within a number are an exponent's."""
-    match = re.fullmatch(r"\s*(.*?[\d.])?\s*([^\d\s.,:][^:,]*)?\s*", text)
-    return (match[1] or "", (match[2] or "").strip()) if match else (text, "")
-
-
-def _factor(unit: str, si: str) -> float | None:
-    """SI units in one of a unit; None if it is of another kind, or unknown."""
-    try:
-        return quantity(f"1 {unit}", si) if unit else None
-    except UnitError:
-        return None

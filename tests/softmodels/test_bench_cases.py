@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.case.case import Case
+from softmodels.case.case import Case, CaseError
 
 MEMBRANE = sm.Membrane(plate_radius=0.008, cell_size=0.002, through=2)
 LAW = sm.NeoHookean(30e3, 0.49)
@@ -56,3 +56,42 @@ def test_a_volume_that_the_weight_has_passed_is_refused():
     assert end.value.status == 3
     run = sm.inflate(MEMBRANE, LAW, volumes="0:5 ml", parts=[PLATE, sm.Gravity("z")])
     assert run.rows[0]["requested"] and np.isclose(run.added_volume[-1], 5e-6)
+
+
+DISK = '[geometry]\ndevice = "HollowDisk"\n[load]\n'
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ('pressure = "0:4 kPa"', [0.0, 4e3]),
+        ('pressure = "0:0.02 bar:0.01"', None),
+        ('pressure = "0,20,40 mbar"', [0.0, 2e3, 4e3]),
+        ('pressure = ["500 Pa", "1 kPa"]', [500.0, 1e3]),
+        ('pressure = "0.5 psi"', [3447.378647]),
+        ('pressure = "0:4 kPa"\nwater_density = "1000 kg/m^3"', [0.0, 4e3]),
+        ("pressure = 4", None),
+        ('pressure = "0:4"', None),
+        ('pressure = "0:4 mm"', None),
+        ('pressure = ["2 kPa", "1 kPa"]', None),
+        ('pressure = "0:4 kPa"\npressure_cm = "0:40"', None),
+        ("pressure_kPa = 4", None),
+    ],
+)
+def test_pressures_with_their_unit(asked, expected):
+    """No column's liquid stands between what a gauge shows and what is solved for."""
+    if expected is None:
+        with pytest.raises(CaseError, match=r"unit|range|falls|twice|pressure, volume_ml"):
+            Case.from_toml(DISK + asked)
+        return
+    case = Case.from_toml(DISK + asked)
+    assert case.goals == pytest.approx(expected, rel=1e-9) and Case.from_toml(case.to_toml()) == case
+
+
+def test_pressures_with_their_unit_as_an_option(runs, tmp_path):
+    options = ("--device", "Membrane", "--cell-size", "4mm", "--through", "1", "--no-pictures")
+    done = runs.run("-m", "softmodels", "run", *options, "--pressure", "0,1kPa", "--water-density", "1000kg/m^3",
+                    "--output", tmp_path / "run")  # fmt: skip
+    assert done.status == 0 and "10.1972 cm (1 kPa)" in done.out
+    done = runs.run("-m", "softmodels", "run", *options, "--pressure", "0,1kPa", "--pressure-cm", "4")
+    assert done.status == 2 and "requested twice" in done.err
