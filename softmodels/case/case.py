@@ -224,11 +224,11 @@ class Case:
             raise CaseError(f"the case {error}") from None
 
     @classmethod
-    def from_file(cls, path: Path | str) -> Case:
-        """Read a case file; see `from_toml`. The messages name the file."""
+    def from_file(cls, path: Path | str, instead: Tables | None = None) -> Case:
+        """Read a case file, perhaps with whole tables in place of its own; see `from_toml`. The messages name the file."""
         path = Path(path)
         try:
-            return cls._from_tables(read_toml(path), path.parent)
+            return cls._from_tables({**read_toml(path), **(instead or {})}, path.parent)
         except TomlError as error:
             raise CaseError(f"case file {path} {error}") from None
         except CaseError as error:
@@ -238,7 +238,7 @@ class Case:
     def _from_tables(cls, tables: Tables, folder: Path | None) -> Case:
         try:
             _check_tables(tables)
-            tables = {**tables, "geometry": _found(table_of(tables, "geometry"), folder)}
+            tables = _found(tables, folder)
             read = {name: entry.read(tables) for name, entry in entries().items()}
         except PART_ERRORS as error:
             raise CaseError(str(error)) from None
@@ -278,9 +278,22 @@ def _known(table: Mapping[str, object], where: str, names: tuple[str, ...]) -> N
             raise CaseError(f"{where} has an unknown entry {key!r}; known are {', '.join(dict.fromkeys(names))}")
 
 
-def _found(geometry: Mapping[str, object], folder: Path | None) -> Mapping[str, object]:
-    """A geometry table whose ``file`` is an absolute path: the case.toml of the results lies in another folder."""
-    file = geometry.get("file")
-    if not isinstance(file, str) or not file:
-        return geometry
-    return {**geometry, "file": str((folder or Path()).resolve() / file)}
+def _found(tables: Tables, folder: Path | None) -> Tables:
+    """Tables whose files are absolute paths, since the case.toml of the results lies in another folder.
+
+    Files are counted from the case's folder; those of fitted materials, which commands name from where they run, from there
+    too where the case's folder has none.
+    """
+    home = (folder or Path()).resolve()
+
+    def absolute(table: object, only_there: bool) -> object:
+        file = table.get("file") if isinstance(table, Mapping) else None
+        if not isinstance(file, str) or not file or not (only_there or (home / file).is_file()):
+            return table
+        return {**table_of({"": table}, ""), "file": str(home / file)}
+
+    found = {**tables, "geometry": absolute(table_of(tables, "geometry"), True)}
+    found |= {name: absolute(tables[name], False) for name in ("material", "band") if name in tables}
+    if isinstance(regions := tables.get("region"), Mapping):
+        found["region"] = {name: absolute(region, False) for name, region in regions.items()}
+    return found

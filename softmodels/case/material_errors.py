@@ -70,7 +70,7 @@ class MaterialErrors:
         except MaterialError as error:
             raise MaterialError(f"{path}: {error}") from None
         known = known_parameters(fitted)
-        names, covariance, how = _whole(path, fitted.name) or _intervals(path, fit)
+        names, covariance, how = _whole(path, fitted) or _intervals(path, fit)
         kept = [k for k, name in enumerate(names) if name in known]  # a device's fit has the bench's numbers too
         if not kept:
             raise MaterialError(f"{path} has no errors of {', '.join(known)}; a fit with free parameters is needed")
@@ -85,8 +85,8 @@ class MaterialErrors:
         """
         if self.around is not None and self.around != material:
             raise MaterialError(
-                f"the {self.how} is of another material than the case's; take it there too ([material] of the case), so that "
-                "the errors are around the values"
+                f"the errors ({self.how}) are of another material than the case's; take that there too, so that they are "
+                "around its values: file = ... in [material], or --material"
             )
         known = known_parameters(material)
         if unknown := [name for name in self.names if name not in known]:
@@ -102,14 +102,18 @@ class MaterialErrors:
 Found = tuple[tuple[str, ...], npt.NDArray[np.float64], str]
 
 
-def _whole(path: Path, law: str) -> Found | None:
-    """Names and covariance of the ``fit.json`` beside a fitted material; None if there is none."""
+def _whole(path: Path, fitted: Material) -> Found | None:
+    """Names and covariance of the ``fit.json`` beside a fitted material; None if there is none.
+
+    Of several laws it is the one with the material's own numbers: fits call a sum of one term ``ogden1``, materials ``ogden``.
+    """
     try:
-        told = json.loads(path.with_name("fit.json").read_text(encoding="utf-8"))
-        one = next(one for one in told["laws"] if one["law"] == law)
+        laws = json.loads(path.with_name("fit.json").read_text(encoding="utf-8"))["laws"]
+        same = (one for one in laws if material_table.from_table(one["material"]) == fitted)
+        one = next(same, None) or next(one for one in laws if one["law"] == fitted.name)
         covariance = np.array(one["covariance"], dtype=float)
         names = tuple(map(str, one["free"]))
-    except (OSError, ValueError, KeyError, TypeError, StopIteration):
+    except (OSError, ValueError, KeyError, TypeError, StopIteration, MaterialError):
         return None
     if covariance.shape != (len(names), len(names)) or not np.isfinite(covariance).all():
         return None

@@ -59,14 +59,23 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
     if silicone := silicone_called(law):
         table = to_table(silicone.material)
     elif law.endswith(".toml") or Path(law).is_file():
-        try:
-            return from_table({**_read_file(Path(law)), **given})
-        except MaterialError as error:
-            raise MaterialError(f"material file {law}: {error}") from None
+        return _from_file(law, given)
     else:
         known = ", ".join([*LAWS, *PRODUCTS])
         raise MaterialError(f"material {law!r} is neither a law, a silicone nor a TOML file; known are {known}")
     return from_table({**table, **given})
+
+
+def _from_file(file: object, changes: Mapping[str, object]) -> Material:
+    """The material of a TOML file, such as ``fitted.toml``, with some of its parameters changed."""
+    if not isinstance(file, str) or not file:
+        raise MaterialError(f"material file {file!r} is no file's name; write it like file = 'results/fit/fitted.toml'")
+    if changes.keys() & {"law", "silicone"}:
+        raise MaterialError(f"material file {file}: it names the law already; leave out law and silicone beside it")
+    try:
+        return from_table({**_read_file(Path(file)), **changes})
+    except MaterialError as error:
+        raise MaterialError(f"material file {file}: {error}") from None
 
 
 def _read_file(path: Path) -> dict[str, object]:
@@ -97,12 +106,14 @@ def to_table(material: Material, text: Text = exact_text) -> dict[str, object]:
 
 
 def from_table(table: Mapping[str, object]) -> Material:
-    """The material of a TOML table: ``law`` (or ``silicone``) and its parameters.
+    """The material of a TOML table: ``law`` (or ``silicone``, or the ``file`` of a fitted one) and its parameters.
 
     Raises:
         MaterialError: See `material_from`.
     """
     values = dict(table)
+    if "file" in values:
+        return _from_file(values.pop("file"), values)
     if "silicone" in values:
         silicone = values.pop("silicone")
         found = silicone_called(silicone) if isinstance(silicone, str) else None
@@ -114,7 +125,10 @@ def from_table(table: Mapping[str, object]) -> Material:
         return from_table({**to_table(found.material), **values})
     if "law" not in values:
         known = f"a law (law = one of {', '.join(LAWS)})"
-        raise MaterialError(f"the material names neither a silicone (silicone = '{next(iter(PRODUCTS))}') nor {known}")
+        raise MaterialError(
+            f"the material names neither a silicone (silicone = '{next(iter(PRODUCTS))}') nor {known} nor a fitted one "
+            "(file = 'fitted.toml')"
+        )
     name = values.pop("law")
     if not isinstance(name, str) or name not in LAWS:
         raise MaterialError(f"law {name!r} is unknown; known are {', '.join(LAWS)}")

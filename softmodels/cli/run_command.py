@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
 
 from geometries import ACTUATORS, Actuator
 from softmodels.case.case import Case
+from softmodels.case.material_table import material_from, to_table
 from softmodels.cli.case_options import taken
 from softmodels.cli.device_word import DEVICE, by_device
 from softmodels.cli.options import RunOptions, device_command, execute, run_options
@@ -27,8 +29,12 @@ def command_of(device: type[Actuator]) -> click.Command:
     DEVICE, metavar="NAME", expose_value=False, help="A device, with options of its own, in place of a FILE: "
     f"{', '.join(ACTUATORS)}. softmodels run {DEVICE} NAME --help shows them.",
 )  # fmt: skip
+@click.option("--material", metavar="NAME", help="What the device is made of, in place of the case's [material]: a silicone, "
+              "or a TOML file such as the fitted.toml of softmodels fit.")  # fmt: skip
+@click.option("--band", type=click.Path(path_type=Path), metavar="FILE", help="A fitted material's fitted.toml, in place of "
+              "the case's [band]: path.csv and the curves get the 95 % band that its errors make.")  # fmt: skip
 @run_options
-def run(file: Path, **values: object) -> None:
+def run(file: Path, material: str | None, band: Path | None, **values: object) -> None:
     """Run a case FILE, such as the case.toml in a folder of results, or a device by its options.
 
     The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
@@ -36,7 +42,18 @@ def run(file: Path, **values: object) -> None:
     \b
     Examples:
       softmodels run results/disk/case.toml
+      softmodels run lifted.toml --material results/fit/fitted.toml --band results/fit/fitted.toml
       softmodels run --device HollowDisk --pressure-cm 0:177 --section axisymmetric
       softmodels run --device HollowDisk --help
     """
-    execute(lambda: Case.from_file(file), taken(RunOptions, values), [file])
+    execute(lambda: _of_file(file, material, band), taken(RunOptions, values), [file])
+
+
+def _of_file(file: Path, material: str | None, band: Path | None) -> Case:
+    """A case file's case, with another material or another band where these are given."""
+    more: dict[str, Mapping[str, object]] = {}
+    if material is not None:
+        more["material"] = to_table(material_from(material, {}))
+    if band is not None:
+        more["band"] = {"file": str(band.absolute())}
+    return Case.from_file(file, more)

@@ -7,6 +7,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
+from softmodels.case.material_errors import MaterialErrors
 
 MEMBRANE = sm.Membrane(plate_radius=0.008, cell_size=0.002, through=2)
 LAW = sm.NeoHookean(30e3, 0.49)
@@ -95,3 +96,61 @@ def test_pressures_with_their_unit_as_an_option(runs, tmp_path):
     assert done.status == 0 and "10.1972 cm (1 kPa)" in done.out
     done = runs.run("-m", "softmodels", "run", *options, "--pressure", "0,1kPa", "--pressure-cm", "4")
     assert done.status == 2 and "requested twice" in done.err
+
+
+@pytest.fixture(scope="module")
+def fitted(runs, tmp_path_factory):
+    """A folder with a fit of laws to a pull, and a case file beside it."""
+    folder = tmp_path_factory.mktemp("fitted")
+    stretch = np.linspace(1.05, 2.0, 12)
+    stress = 100.0 * (stretch**1.5 - stretch**-1.75) * (1 + 0.01 * np.sin(40 * stretch))
+    rows = "\n".join(f"{100 * (one - 1)},{value}" for one, value in zip(stretch, stress, strict=True))
+    (folder / "pull.csv").write_text(f"strain (%),stress (kPa)\n{rows}\n")
+    done = runs.run("-m", "softmodels", "fit", "--tensile", folder / "pull.csv", "--material", "neo-hookean,ogden1",
+                    "--no-pictures", "--no-profiles", "-o", folder / "fit")  # fmt: skip
+    assert done.status == 0, done.err
+    return folder
+
+
+def test_a_case_names_the_file_of_its_fitted_material(fitted):
+    """From where the case lies, with its band: the numbers of the fit itself."""
+    files = '[material]\nfile = "fit/fitted.toml"\n[band]\nfile = "fit/fitted.toml"\n'
+    (fitted / "lifted.toml").write_text(f'{LIFTED}pressure = "0:1 kPa"\n{files}')
+    case = Case.from_file(fitted / "lifted.toml")
+    assert case.material.name == "ogden" and case.band.around == case.material
+    assert Case.from_toml(case.to_toml()) == case
+    base = '[region.base]\nfile = "fit/fitted.toml"\n'
+    (fitted / "finger.toml").write_text(f'[geometry]\ndevice = "PneuNet"\n{base}[load]\npressure = "1 kPa"\n')
+    assert Case.from_file(fitted / "finger.toml").parts[0].material == case.material
+
+
+def test_errors_of_a_sum_of_terms_are_those_of_the_fit(fitted):
+    """With their correlation: as if they were independent, the band would be several times as wide."""
+    errors = MaterialErrors.from_file(fitted / "fit" / "fitted.toml")
+    assert errors.names == ("mu1", "alpha1") and "covariance" in errors.how
+    size = np.sqrt(np.diag(errors.matrix))
+    assert errors.matrix[0, 1] / size.prod() < -0.9
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ('file = "nowhere.toml"', "nowhere.toml"),
+        ("file = 3", "is no file's name"),
+        ('file = "fit/fitted.toml"\nlaw = "yeoh"', "names the law already"),
+    ],
+)
+def test_files_that_are_no_material(fitted, table, words):
+    (fitted / "wrong.toml").write_text(f'{LIFTED}pressure = "0:1 kPa"\n[material]\n{table}\n')
+    with pytest.raises(CaseError, match=words):
+        Case.from_file(fitted / "wrong.toml")
+
+
+def test_a_case_file_is_run_with_another_material_and_its_band(fitted, runs):
+    (fitted / "plain.toml").write_text(f'{LIFTED}pressure = "0:1 kPa"\n')
+    file, run = fitted / "fit" / "fitted.toml", ("-m", "softmodels", "run", fitted / "plain.toml", "--no-pictures")
+    done = runs.run(*run, "--material", file, "--band", file, "--output", fitted / "run")
+    assert done.status == 0 and "(95 %) mm" in done.out
+    assert Case.from_file(fitted / "run" / "case.toml").material.name == "ogden"
+    done = runs.run(*run, "--band", file)
+    assert done.status == 2 and "are of another material than the case's" in done.err
