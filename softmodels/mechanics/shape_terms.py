@@ -66,8 +66,8 @@ def check_rest(shape: RoundShape, body: Body) -> None:
     if deepest > NEAR:
         side = "outside of the hollow" if shape.hollow else "in the"
         raise PartError(
-            f"{shape.where}: at rest the device lies {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away, or "
-            "give it another radius"
+            f"{shape.where}: at rest the device lies {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
+            + ("" if shape.shape == "plane" else ", or give it another radius")
         )
 
 

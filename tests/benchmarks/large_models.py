@@ -29,6 +29,8 @@ Figures of one rank of a busy machine (read ratios; CPU seconds):
   52.94014) and two states past them in 174 and 3,457 s, 2,477 and 2,988 cycles; exponents 1.09 of time and 1.01 of memory
   (0.67 and 10.3 GB beside the model, peaks of 1.1 and 13.3 GB). Iterations 12 to 19, 20 at the limit point, 30 past it, and 16
   to 22, 25 and 34.
+- ``--one --cell-size 2`` on 1, 2, 4 and 8 ranks of two cores: 38,662 unknowns in 30, 33, 32 and 32 iterations, 277, 313, 308
+  and 302 cycles; with ``--angle`` 15, 30, 60 and 120, 18,344 to 97,594 unknowns in 417, 334, 297 and 339 cycles.
 - Foretold on two ranks beside the model: 0.69 and 9.9 GB.
 """
 

@@ -61,6 +61,13 @@ def test_a_guided_plate_and_a_rod(tmp_path, figure):
     figure(CALCULIX, "way of a guided rigid plate, beside a rigid cylinder", moved[[0, 2]] - 1, 1e-4)
 
 
+def test_a_plane_that_does_not_lie_along_an_axis(tmp_path, figure):
+    plane = sm.RigidShape("plane", "bottom, tip", (0.012, 0.0, -0.0022), along=(-0.05, 0.0, 1.0), name="table")
+    row, found = solved(tmp_path, "table", 12.0, parts=(plane,))
+    assert row["table_depth_mm"] > 1e-3
+    figure(CALCULIX, "rise of a tip on a rigid plane askew", probes_off(row, found), 1e-4)
+
+
 def test_a_clamp_that_slips_and_a_ball(tmp_path, figure):
     """A tip that slips along z alone, and a rigid sphere beside the first chamber."""
     row, found = solved(tmp_path, "clamped", 20.0, parts=(sm.Clamp("tip", slip="z"), BALL))

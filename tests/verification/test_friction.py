@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.fitting.outlines.measured_device import MeasuredDevice
+from softmodels.fitting.problem import FitError
 from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.round_shapes import slopes
@@ -172,7 +174,7 @@ def test_a_pressed_disk_comes_back_by_another_way_and_to_rest(figure):
     figure("the disk at rest", "volume after a way with friction", path["added_volume_ml"][-1], 1e-9, unit="ml")
 
 
-def test_what_cannot_be_meant_is_refused():
+def test_what_cannot_be_meant_is_refused(tmp_path):
     with pytest.raises(PartError, match="coefficient of friction of 7 cannot be meant"):
         dataclasses.replace(PLATE, friction=7.0)
     with pytest.raises(PartError, match="a slip belongs to"):
@@ -185,6 +187,12 @@ def test_what_cannot_be_meant_is_refused():
         sm.inflate(SECTION, LAW, "0,5 cm", parts=[PLATE], cycle=True)
     with pytest.raises(sm.CaseError, match="does not follow a device with friction"):
         sm.inflate(SECTION, LAW, "0,5 cm", parts=[PLATE], branch=True)
+    case = sm.Case("disk", SECTION, LAW, pressures_cm=(5.0,), parts=(PLATE,))
+    with pytest.raises(FitError, match="has friction, whose derivatives"):
+        MeasuredDevice.of(case)
+    solid = dataclasses.replace(case, actuator=sm.HollowDisk())
+    with pytest.raises(sm.CaseError, match="with friction, which is not written into decks"):
+        sm.export(solid, tmp_path / "disk.inp")
     with pytest.raises((PartError, sm.CaseError), match="not square to the cut plane"):
         sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", parts=[dataclasses.replace(PLATE, along=(0.0, 0.6, -0.8))])
     with pytest.raises((PartError, sm.CaseError), match="the device lies"):

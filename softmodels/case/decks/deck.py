@@ -231,7 +231,7 @@ def _unknown(case: Case) -> Iterator[str]:
     for part in case.parts:
         if isinstance(part, RigidShape):
             if part.shape not in SHAPES:
-                yield f"{part.where} with a shape {part.shape!r}, where springs know {' and '.join(SHAPES)} and planes"
+                yield f"{part.where} with a shape {part.shape!r}, where springs know {', '.join(SHAPES)}"
             if part.guide:
                 yield f"{part.where} with a guide"
             if part.friction:

@@ -26,7 +26,7 @@ from softmodels.mechanics.walls.gap import Penalty
 
 Array = npt.NDArray[np.float64]
 
-SHAPES = ("sphere", "cylinder")
+SHAPES = ("sphere", "cylinder", "plane")
 """Shapes that are as far away as a point or a straight line is, less a radius."""
 ENTRIES, HARD_ENTRIES = 40, 20
 """Of a table over the depth in which contact sets in, and over that in which a shape grows harder."""
