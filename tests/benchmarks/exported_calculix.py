@@ -5,8 +5,8 @@
 
 Without a case, those of `CASES`: the disk's wedge in Yeoh's law; a slab that hangs by its base under its weight, a mass, a
 force and a moment; a finger of two silicones under its weight; a membrane with a rigid plate of its own mass; a finger whose
-rigid tip turns; the disk against a plane and against a ball; a finger on a rod, and one whose tip a clamp lets slip; a tube
-wound with fibres, and in a fabric. Both have displacements alone, the same mesh and the same energy.
+rigid tip turns; the disk against a plane, against a ball and below one that it lifts; a finger on a rod, and one whose tip a
+clamp lets slip; a tube wound with fibres, and in a fabric. Both have displacements alone, the same mesh and the same energy.
 Measured with CalculiX 2.20, where `Actuator.probes` are:
 
 | case | at | softmodels | CalculiX | softmodels | CalculiX |
@@ -76,6 +76,7 @@ RIGID: dict[str, tuple[sm.Actuator, tuple[float, ...], dict[str, Any]]] = {
     "tip": (SMALL, (4.0, 8.0), {"parts": (sm.Rigid("tip", name="plate", mass=0.01), sm.Gravity("0.6, 0, -0.8"))}),
     "bench": (COARSE, (40.0, 80.0), {"obstacle": sm.Obstacle("top", f"z = {1e3 * TOP + 0.5} mm")}),
     "ball": (COARSE, (40.0, 80.0), {"parts": (BALL,)}),
+    "lifted": (COARSE, (60.0,), {"parts": (dataclasses.replace(BALL, guide="z", mass=0.02),)}),
     "rod": (SMALL, (8.0, 16.0), {"parts": (ROD, sm.Gravity("-z"))}),
     "wound": (TUBE, (30.0,), {"parts": (sm.Fibres("outer", angle=70.0, stiffness=300.0),)}),
     "cloth": (TUBE, (30.0,), {"parts": (sm.Fabric("outer", 400.0, 150.0),)}),

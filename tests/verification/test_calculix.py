@@ -21,7 +21,7 @@ CALCULIX = "CalculiX 2.20 of the exported deck, same mesh"
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
 FINGER = sm.PneuNet(chambers=2, cell_size=0.008)
 ROD = sm.RigidShape("cylinder", "bottom", (0.012, 0.0, -0.0055), 0.004, along=(0.0, 1.0, 0.0), name="rod")
-BALL = sm.RigidShape("sphere", "outer", (0.0065, 0.01402, 0.010), 0.006, name="ball")
+BALL = sm.RigidShape("sphere", "outer", (0.0065, 0.01402, 0.010), 0.006, guide="y", spring=100.0, name="ball")
 
 
 def solved(folder, name, pressure, device=FINGER, **more):
@@ -47,9 +47,9 @@ def test_a_plate_that_turns_under_its_weight(tmp_path, figure):
     row, found = solved(tmp_path, "plate", 6.0, parts=(plate, weight))
     assert row["plate_turn_y_deg"] > 5.0
     moved = found["centre of plate"] / [row["plate_x_mm"], np.inf, row["plate_z_mm"]]
-    figure(CALCULIX, "way of a free rigid plate's centre", moved[[0, 2]] - 1, 2e-5)
+    figure(CALCULIX, "way of a free rigid plate's centre", moved[[0, 2]] - 1, 8e-6)
     turned = math.degrees(found["rotation vector of plate in rad"][1])
-    figure(CALCULIX, "turn of a free rigid plate", turned / row["plate_turn_y_deg"] - 1, 2e-5)
+    figure(CALCULIX, "turn of a free rigid plate", turned / row["plate_turn_y_deg"] - 1, 8e-6)
 
 
 def test_a_guided_plate_and_a_rod(tmp_path, figure):
@@ -69,10 +69,10 @@ def test_a_plane_that_does_not_lie_along_an_axis(tmp_path, figure):
 
 
 def test_a_clamp_that_slips_and_a_ball(tmp_path, figure):
-    """A tip that slips along z alone, and a rigid sphere beside the first chamber."""
+    """A tip that slips along z alone, and a rigid sphere on a spring beside the first chamber."""
     row, found = solved(tmp_path, "clamped", 20.0, parts=(sm.Clamp("tip", slip="z"), BALL))
     assert row["ball_depth_mm"] > 1e-3 and row["ball_force_y_N"] > 0.0
-    figure(CALCULIX, "rise of a clamped tip, beside a rigid sphere", probes_off(row, found), 8e-5)
+    figure(CALCULIX, "rise of a clamped tip, beside a rigid sphere on a spring", probes_off(row, found), 8e-5)
 
 
 def test_a_membrane_with_a_plate_that_meets_a_plane(tmp_path, figure):

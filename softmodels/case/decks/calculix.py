@@ -99,12 +99,13 @@ def _write_mesh(deck: Deck, out: TextIO) -> None:
 def _write_springs(deck: Deck, out: TextIO) -> None:
     """Each spring with a table of its own: elements, and forces in uN by elongations in mm."""
     number = len(deck.mesh.cells)
-    for part, (one, ground) in enumerate(deck.grounds, 1):
-        for k, (stretches, forces) in enumerate(zip(1e3 * one.stretches, 1e6 * one.forces, strict=True), 1):
-            name, number = f"SPRING{part}_{k}", number + 1
-            out.write(f"*ELEMENT, TYPE=SPRINGA, ELSET={name}\n{number}, {ground + 1}, {ground + 1 + k}\n")
+    for part, (one, first) in enumerate(deck.grounds, 1):
+        for begin, end, stretches, forces in one.elements:
+            name, number = f"SPRING{part}_{end}", number + 1
+            out.write(f"*ELEMENT, TYPE=SPRINGA, ELSET={name}\n{number}, {first + begin + 1}, {first + end + 1}\n")
             # Blank lines are skipped: real numbers tell a table from the degrees of freedom of other springs.
-            table = "".join(f"{force:.8e}, {stretch:.10e}\n" for stretch, force in zip(stretches, forces, strict=True))
+            pairs = zip(1e6 * forces, 1e3 * stretches, strict=True)
+            table = "".join(f"{force:.8e}, {stretch:.10e}\n" for force, stretch in pairs)
             out.write(f"*SPRING, ELSET={name}, NONLINEAR\n{table}")
 
 

@@ -71,36 +71,36 @@ class Deck:
 
     @functools.cached_property
     def points(self) -> Array:
-        """Places in m of all nodes: the mesh's, those of rigid parts, then of each stop its ground and its springs' ends."""
-        springs = [place for one in self.springs for place in (one.ground[None], one.ends)]
-        return np.concatenate([self.mesh.points, self.supports.added, *springs])
+        """Places in m of all nodes: the mesh's, those of rigid parts, then those of springs."""
+        return np.concatenate([self.mesh.points, self.supports.added, *(one.places for one in self.springs)])
 
     @property
     def grounds(self) -> Iterator[tuple[Springs, int]]:
-        """Each stop's springs, and the number of its ground; those of their ends follow."""
+        """Each part's springs, and the number of the first of their nodes."""
         number = len(self.mesh.points) + len(self.supports.added)
         for one in self.springs:
             yield one, number
-            number += 1 + len(one.ends)
+            number += len(one.places)
 
     @functools.cached_property
     def tied(self) -> list[Tie]:
         """Displacements that depend on others."""
-        ends = [tie for one, ground in self.grounds for tie in one.ties(ground + 1) if tie.terms]
-        return [*self.supports.tied, *ends]
+        return [*self.supports.tied, *(tie for tie in self._of_springs if tie.terms)]
 
     @functools.cached_property
     def held(self) -> dict[int, Ints]:
         """Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component."""
         found = {}
         for component in range(3):
-            nodes = list(self.supports.held.get(component, ()))
-            for one, ground in self.grounds:
-                still = [tie.node for tie in one.ties(ground + 1) if tie.component == component and not tie.terms]
-                nodes += [ground, *still]
-            if nodes:
+            still = [tie.node for tie in self._of_springs if tie.component == component and not tie.terms]
+            if nodes := [*self.supports.held.get(component, ()), *still]:
                 found[component] = np.array(nodes, dtype=np.int64)
         return found
+
+    @functools.cached_property
+    def _of_springs(self) -> list[Tie]:
+        """What moves the springs' nodes."""
+        return [tie for one, first in self.grounds for tie in one.ties(first)]
 
     @property
     def watched(self) -> dict[str, int]:
@@ -232,8 +232,6 @@ def _unknown(case: Case) -> Iterator[str]:
         if isinstance(part, RigidShape):
             if part.shape not in SHAPES:
                 yield f"{part.where} with a shape {part.shape!r}, where springs know {', '.join(SHAPES)}"
-            if part.guide:
-                yield f"{part.where} with a guide"
             if part.friction:
                 yield f"{part.where} with friction"
         elif isinstance(part, Fabric) and not threaded(part):

@@ -13,16 +13,21 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from geometries import Actuator
 from geometries.mesh_arrays import MeshArrays
 from geometries.tetrahedra import WEIGHTS, triangle_tables
-from softmodels.case.decks.springs import Springs
+from softmodels.case.decks.springs import Slide, Springs
 from softmodels.case.decks.supports import Terms
+from softmodels.mechanics import guided_shapes
 from softmodels.mechanics.contact import ONSET, ONSET_PRESSURE, Contact, Obstacle
+from softmodels.mechanics.contact_part import copies_around
+from softmodels.mechanics.loads import STANDARD_GRAVITY
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.shape_terms import HARDENS, HARDER
 from softmodels.mechanics.system import System
 from softmodels.mechanics.walls.by_distance import HardeningPenalty
 from softmodels.mechanics.walls.gap import Penalty
+from softmodels.mechanics.walls.giving_way import Stand
 
 Array = npt.NDArray[np.float64]
 
@@ -30,6 +35,8 @@ SHAPES = ("sphere", "cylinder", "plane")
 """Shapes that are as far away as a point or a straight line is, less a radius."""
 ENTRIES, HARD_ENTRIES = 40, 20
 """Of a table over the depth in which contact sets in, and over that in which a shape grows harder."""
+SETTLED, LIFTED = 8.0, 80
+"""Ways over which a weight is lifted, in those that it is rounded over, and entries of a table over them."""
 AWAY = 10.0
 """Distance in sizes of the device up to which tables go, where nothing presses."""
 
@@ -47,6 +54,7 @@ class Stop:
         sign: 1 where a shorter one presses, -1 where a longer one does.
         penalty: The energy.
         depths: At which its slope is written, rising from 0.
+        slide: On which it gives way, lengths in m; None where it stands still.
     """
 
     label: str
@@ -57,6 +65,7 @@ class Stop:
     sign: float
     penalty: Penalty
     depths: Array
+    slide: Slide | None = None
 
 
 def pressing(obstacle: Obstacle | None, system: System, mesh: MeshArrays, parts: Sequence[object]) -> list[Springs]:
@@ -70,7 +79,7 @@ def pressing(obstacle: Obstacle | None, system: System, mesh: MeshArrays, parts:
     """
     size = system.body.actuator.size
     stops = [_plane(obstacle, system.contact)] if obstacle is not None and system.contact is not None else []
-    stops += [_shape(part, size) for part in parts if isinstance(part, RigidShape)]
+    stops += [_shape(part, system.body.actuator) for part in parts if isinstance(part, RigidShape)]
     return [_springs(stop, mesh, size, system.stress_unit) for stop in stops]
 
 
@@ -82,7 +91,8 @@ def _plane(obstacle: Obstacle, contact: Contact) -> Stop:
     return Stop("the plane", contact.roles, ground, np.outer(normal, normal), 1.0, 1.0, penalty, depths)
 
 
-def _shape(shape: RigidShape, size: float) -> Stop:
+def _shape(shape: RigidShape, actuator: Actuator) -> Stop:
+    size = actuator.size
     at, along, radius, _, sign = shape.numbers(size)
     onset, deepest = ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
     penalty = HardeningPenalty(shape.stiffness, onset, HARDENS * deepest, HARDER)
@@ -92,7 +102,17 @@ def _shape(shape: RigidShape, size: float) -> Stop:
             shape.label, shape.roles, (at @ along - 1.0) * along, np.outer(along, along), 1.0, 1.0, penalty, depths
         )
     onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - np.outer(along, along)
-    return Stop(shape.label, shape.roles, at, onto, radius, sign, penalty, depths)
+    slide = _slide(shape, actuator, onto) if shape.guide else None
+    return Stop(shape.label, shape.roles, at, onto, radius, sign, penalty, depths, slide)
+
+
+def _slide(shape: RigidShape, actuator: Actuator, onto: Array) -> Slide:
+    """What holds a shape that gives way, the slice's share of it."""
+    share, size = copies_around(actuator, shape.crossed(actuator)), actuator.size
+    stand = Stand(shape.spring / share, STANDARD_GRAVITY * shape.mass / share, guided_shapes.ONSET * size)
+    ways = np.concatenate([[-0.9 * size], np.linspace(0.0, SETTLED * stand.onset, LIFTED + 1), [0.9 * size]])
+    forces = np.array([stand.force(float(way)) for way in ways])
+    return Slide(shape.gives_way, onto @ shape.gives_way, size, ways, forces)
 
 
 def _springs(stop: Stop, mesh: MeshArrays, size: float, stress: float) -> Springs:
@@ -114,7 +134,7 @@ def _springs(stop: Stop, mesh: MeshArrays, size: float, stress: float) -> Spring
     ]
     forces = -stop.sign * stress * np.outer(areas, slopes[order])
     what = "contact: springs to the integration points of the stopped faces"
-    return Springs(stop.label, what, ground, ends, terms, touching - lengths[:, None], forces)
+    return Springs(stop.label, what, ground, ends, terms, touching - lengths[:, None], forces, stop.slide)
 
 
 def _row(onto: Array, nodes: npt.NDArray[np.int64], values: Array) -> Terms:
