@@ -123,7 +123,10 @@ def test_a_fit_that_ignores_the_weight(run_of):
     """A plate's weight is refused as pressures that contradict each other; a disk's own is taken for a stiffer silicone."""
     device, parts, cms = DEVICES["disk, its own weight"]
     outlines = photographed(run_of("disk, its own weight"), cms)
-    without = sm.fit(case_of(device, ()), outlines, "yeoh", QUICK).chosen
+    without = sm.fit(case_of(device, ()), outlines, "yeoh", QUICK)
+    (told,) = [note for note in without.notes if "has no [gravity]" in note]
+    assert "168 Pa, 0.9 % of the shear modulus" in told
+    without = without.chosen
     with_it = sm.fit(case_of(device, parts), outlines, "yeoh", QUICK).chosen
     assert not with_it.interval("c1")[0] < without.fit.values["c1"] < with_it.interval("c1")[1]
     assert with_it.interval("c1")[0] < TRUE.c1 < with_it.interval("c1")[1]

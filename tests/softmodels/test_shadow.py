@@ -37,6 +37,14 @@ def test_a_trough_behind_the_rim_is_level():
     assert np.abs(curve.closest(points).distance).max() > 1e-4
 
 
+def test_the_edge_runs_on_from_piece_to_piece():
+    """Where a trough is bridged too, to the distance of the places at which heights are compared."""
+    nodes = shadow_of(surface(2e-4)).curve.nodes
+    ends = np.linalg.norm(nodes[1:, 0] - nodes[:-1, 1], axis=1)
+    assert ends.max() < 5e-6 and nodes[0, 0] == pytest.approx([0.0, 3.7e-3])
+    assert (nodes[1:, 0, 0] > nodes[:-1, 0, 0]).all()
+
+
 def test_the_level_part_moves_with_the_rim():
     curve, higher = surface(2e-4), surface(2.01e-4)
     rate = (higher.nodes - curve.nodes) / 1e-6

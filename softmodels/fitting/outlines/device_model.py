@@ -137,7 +137,7 @@ class DeviceModel:
         return float(self.curve(state, self._lengths).nodes[0, 0, 1])
 
     def told(self, values: Mapping[str, float]) -> str:
-        """The dead loads, and what heights count from, as a sentence; empty without loads."""
+        """The dead loads, and what heights count from; or that a weight is missing. A sentence, or empty."""
         lengths = self.set_parameters(values)
         return self.hanging.told(self._present, lengths)
 

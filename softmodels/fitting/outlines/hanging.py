@@ -20,8 +20,10 @@ from softmodels.fitting.outlines.near_states import near
 from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.outlines.shadow import crest, edge_heights
 from softmodels.fitting.problem import CannotEvaluate
+from softmodels.materials.casting import SILICONE_DENSITY
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.coupling import Coupling
+from softmodels.mechanics.loads import STANDARD_GRAVITY
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.stages import HangingEnd, hang, inflate_from
 from softmodels.results.quadratic_curve import QuadraticCurve, shapes
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+HEAVY = 0.005
+"""Pressure of a device's own weight over its height, in shear moduli, from which a fit without gravity is told of it."""
 MIDDLE = 0.8
 """Share of a shadow's width that has to be straight at zero pressure, as where the measurement looks for its zero."""
 
@@ -131,18 +135,32 @@ class Hanging:
             )
 
     def told(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> str:
-        """The loads, and what heights count from, as a sentence; empty without loads. See `state`."""
+        """The loads, and what heights count from, as a sentence; without loads whether the weight matters. See `state`."""
         if not self.loaded:
-            return ""
+            return self._weightless()
         dead, level = self.system.dead, self.level(values, lengths)
         loads = ", ".join(f"{one.where} ({n:.3g} N)" for one, n in zip(dead.loads, dead.amounts, strict=True))
-        away = f"{abs(level) * 1e3:.3g} mm {'below' if level < 0.0 else 'above'} the undeformed top"
+        side = "below" if level < 0.0 else "above"
+        away = f"{abs(level) * 1e3:.3g} mm {side} the undeformed top" if level else "as high as the undeformed top"
         zero = {
             "shadow": f"the upper edge of its shadow at zero pressure, {away}",
             "apex": f"its apex at zero pressure, {away}",
             "undeformed": "the undeformed top",
         }
-        return f"the device hangs under {loads}, which are given; heights count from {zero[self.heights_from]}"
+        return f"the device hangs under {loads}, given and not fitted; heights count from {zero[self.heights_from]}"
+
+    def _weightless(self) -> str:
+        """A sentence where a device without gravity is so soft that its own weight shows, else empty."""
+        tall = float(np.ptp(self.silhouette.points @ np.asarray(self.system.body.actuator.lift)))
+        weight = SILICONE_DENSITY * STANDARD_GRAVITY * tall
+        share = weight / self.system.stress_unit
+        if share < HEAVY:
+            return ""
+        much = f"{weight:.3g} Pa, {100 * share:.1f} % of the shear modulus"
+        return (
+            "the case has no [gravity], so the silicone's own weight is left out: its pressure over the part's height is "
+            f"{much}, and the fit may be off by that order"
+        )
 
     def _place(self, curve: QuadraticCurve) -> tuple[int, Array]:
         piece, s = crest(curve) if self.heights_from == "shadow" else (0, -1.0)

@@ -44,25 +44,33 @@ class Shadow:
 
 def shadow_of(curve: QuadraticCurve) -> Shadow:
     """The visible edge of a curve that runs from the axis outwards and down."""
-    s = np.linspace(-1.0, 1.0, SAMPLES)
-    count = len(curve.nodes)
-    piece, at = np.repeat(np.arange(count), SAMPLES), np.tile(s, count)
+    s, count = np.linspace(-1.0, 1.0, SAMPLES), len(curve.nodes)
     places, above = edge_heights(curve)
     hidden = above - places[:, 1] > DEEPEST
     if not hidden.any():
-        return _assembled(curve, [(k, -1.0, 1.0) for k in range(count)], [])
-    parts: list[tuple[int, float, float]] = []
-    level: list[tuple[int, float, float]] = []
-    seen = ~hidden.reshape(count, SAMPLES)
-    for k in range(count):
-        parts += _runs(k, s, seen[k])
-    ends = np.flatnonzero(hidden[:-1] & ~hidden[1:])  # going outwards, where a trough ends at its rim
-    for end in ends:
-        before = np.flatnonzero(~hidden[: end + 1])
-        start = float(places[before[-1], 0]) if len(before) else 0.0
-        rim = end + 1 + int(np.argmax(places[end + 1 : end + 1 + SAMPLES, 1]))
-        level.append((int(piece[rim]), _summit(curve, int(piece[rim]), float(at[rim])), start))
-    return _assembled(curve, parts, level)
+        return _assembled(curve, [_Part(k, -1.0, 1.0) for k in range(count)])
+    parts: list[_Part] = []
+    for k, seen in enumerate(~hidden.reshape(count, SAMPLES)):
+        edges = np.flatnonzero(np.diff(np.r_[False, seen, False].astype(int)))
+        for first, end in edges.reshape(-1, 2).tolist():
+            place, begin = k * SAMPLES + first, float(s[first])
+            if place and hidden[place - 1]:  # going outwards, a trough ends here at its rim
+                before = np.flatnonzero(~hidden[:place])
+                begin = _summit(curve, k, begin)
+                parts.append(_Part(k, begin, begin, float(places[before[-1], 0]) if len(before) else 0.0))
+            if s[end - 1] > begin:
+                parts.append(_Part(k, begin, float(s[end - 1])))
+    return _assembled(curve, parts)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    """The stretch of a piece between two parameters; or, from the place x in m, the level edge up to one of it, the rim."""
+
+    piece: int
+    begin: float
+    end: float
+    level_from: float | None = None
 
 
 def edge_heights(curve: QuadraticCurve) -> tuple[Array, Array]:
@@ -78,27 +86,19 @@ def crest(curve: QuadraticCurve) -> tuple[int, float]:
     return piece, _summit(curve, piece, float(np.linspace(-1.0, 1.0, SAMPLES)[place]))
 
 
-def _runs(piece: int, s: Array, seen: npt.NDArray[np.bool_]) -> list[tuple[int, float, float]]:
-    """The seen stretches of one piece, to the resolution of the samples."""
-    edges = np.flatnonzero(np.diff(np.r_[False, seen, False].astype(int)))
-    return [(piece, float(s[a]), float(s[b - 1])) for a, b in edges.reshape(-1, 2) if b - 1 > a]
-
-
 def _summit(curve: QuadraticCurve, piece: int, s: float) -> float:
     """The highest place of a piece near a parameter."""
     slope, bend = (vectors[1] for vectors in curve.at(piece, s)[1:])
     return float(np.clip(s - slope / bend, -1.0, 1.0)) if bend < 0.0 else s
 
 
-def _assembled(
-    curve: QuadraticCurve, parts: list[tuple[int, float, float]], level: list[tuple[int, float, float]]
-) -> Shadow:
-    """Cut pieces (piece, from, to) and level ones (piece and place of the rim, x of the other end)."""
-    source = np.array([part[0] for part in (*parts, *level)])
-    ends = np.array([[a, b, (a + b) / 2] for _, a, b in parts] + [[s, s, s] for _, s, _ in level])
-    weights = shapes(ends)
+def _assembled(curve: QuadraticCurve, parts: list[_Part]) -> Shadow:
+    """The edge of its parts in order, from the axis outwards."""
+    source = np.array([part.piece for part in parts])
+    weights = shapes(np.array([[part.begin, part.end, (part.begin + part.end) / 2] for part in parts]))
     nodes = np.einsum("mab,mbi->mai", weights, curve.nodes[source])
-    for row, (_, _, start) in enumerate(level, len(parts)):
-        x = nodes[row, 0, 0]
-        nodes[row, :, 0] = start, x, (start + x) / 2
+    for row, part in enumerate(parts):
+        if part.level_from is not None:
+            x = nodes[row, 0, 0]
+            nodes[row, :, 0] = part.level_from, x, (part.level_from + x) / 2
     return Shadow(QuadraticCurve(nodes), source, weights)
