@@ -4,7 +4,7 @@ Most back-substitutions precondition GMRES, which works in double precision and 
 read half the memory and take half to two thirds of the time. What is asked of K^-1 itself is refined on K
 (`softmodels.mechanics.bordered`). Inverse iteration shows after each factorisation how far it is off in the softest motions:
 where that is too much, near a critical point or in a very slender device, K is factorised in double precision instead, so that
-the inertia is right.
+the inertia is right. Beside much stiffer regions that is no measure, and double precision is taken from the start.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ DOUBLE = 1.95
 """How many times single precision's memory double precision takes: 1.91 on wedges and slabs of 17,502 to 88,570 unknowns."""
 SMALL = 6000
 """Unknowns up to which factors fit into a processor's cache, where single precision gains nothing."""
+MOST_SPREAD = 300.0
+"""How many times stiffer than another a region may be for it: of stiffer ones the unknowns p hide how far it is off, and signs
+of eigenvalues were wrong with sheets of 50 MPa and 1 GPa in a finger."""
 SOFTEST = 3
 """Steps of inverse iteration towards the softest motions."""
 TRUSTED = 3e-2
@@ -44,6 +47,7 @@ class Factorisation(Inverse):
 
     Args:
         K: The matrix; its values may change, its pattern may grow.
+        spread: How many times stiffer its stiffest material is than its softest.
     """
 
     exact = True
@@ -52,9 +56,9 @@ class Factorisation(Inverse):
     most_newton = 15
     restart = most_iterations = 60
 
-    def __init__(self, K: PETSc.Mat):
-        self.K = K
-        self._make(_roundable(K))
+    def __init__(self, K: PETSc.Mat, spread: float = 1.0):
+        self.K, self.spread = K, spread
+        self._make(_roundable(K, spread))
 
     def _make(self, rounded: bool) -> None:
         """Make what factorises K, with the pattern it has, in single or double precision."""
@@ -80,7 +84,7 @@ class Factorisation(Inverse):
         self._direct.setReusePreconditioner(True)
 
     @staticmethod
-    def memory(K: PETSc.Mat) -> tuple[float, float]:
+    def memory(K: PETSc.Mat, spread: float = 1.0) -> tuple[float, float]:
         """Bytes that a factorisation of K would take on this rank: what MUMPS' analysis foretells, and PETSc's copy of K.
 
         The first number is of the precision that is tried, the second of double, which a K near a critical point takes.
@@ -90,8 +94,9 @@ class Factorisation(Inverse):
 
         Args:
             K: An assembled matrix.
+            spread: As of the factorisation.
         """
-        rounded = _roundable(K)
+        rounded = _roundable(K, spread)
         with _precision(rounded):
             direct = _mumps(K)
             factor = direct.getFactorMatrix()
@@ -104,7 +109,7 @@ class Factorisation(Inverse):
 
     def set_up(self) -> None:
         # Decided anew for every K, and by nothing but K: a path that is gone on with has to find the same.
-        rounded = _roundable(self.K)
+        rounded = _roundable(self.K, self.spread)
         self._factorise(rounded)
         if rounded and not self._error() < TRUSTED:
             self._factorise(rounded=False)
@@ -146,9 +151,9 @@ def entries_in_all(K: PETSc.Mat) -> float:
     return float(K.getInfo()["nz_used"])
 
 
-def _roundable(K: PETSc.Mat) -> bool:
+def _roundable(K: PETSc.Mat, spread: float) -> bool:
     """Whether single precision is tried."""
-    return K.getSize()[0] > SMALL
+    return K.getSize()[0] > SMALL and spread < MOST_SPREAD
 
 
 @contextlib.contextmanager

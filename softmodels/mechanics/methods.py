@@ -16,6 +16,7 @@ from softmodels.mechanics.memory import GIGA, TooLargeError, available, needed
 from softmodels.mechanics.multigrid import Multigrid
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.stiffest import spread
 
 if TYPE_CHECKING:
     from softmodels.mechanics.system import System
@@ -53,7 +54,7 @@ class Method:
 
     def inverse(self, system: System) -> Inverse:
         """What stands for the inverse of a system's tangent."""
-        return Multigrid(system) if self.name == "iterative" else Factorisation(system.K)
+        return Multigrid(system) if self.name == "iterative" else Factorisation(system.K, spread(system.matter))
 
 
 def check_method(method: str, parts: Sequence[Part]) -> None:
@@ -96,7 +97,7 @@ def chosen(system: System, method: str) -> Method:
     fits = iterative[0] <= room and not rigid
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return Method("iterative", iterative[1])
-    usual, most = Factorisation.memory(system.K)
+    usual, most = Factorisation.memory(system.K, spread(system.matter))
     direct = needed(system.comm, mass + most)
     if direct[0] <= room and method != "iterative":
         return Method("direct", needed(system.comm, mass + usual)[1])

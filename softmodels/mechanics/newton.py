@@ -13,6 +13,7 @@ from softmodels.mechanics.callbacks import weakly
 from softmodels.mechanics.controls import Control, Curve
 from softmodels.mechanics.kept_factorisation import KeptFactorisation
 from softmodels.mechanics.mpi import total
+from softmodels.mechanics.stiffest import rounding_of_stress
 from softmodels.mechanics.system import System
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ Array = npt.NDArray[np.float64]
 TOLERANCE = 1e-9  # residual against the load of the cavity pressure
 FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance any finer
 ROUNDING = 1000.0  # tolerances at which a residual that falls no further is taken for rounding
+SAFE = 10.0  # times what rounding is foretold to leave
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
 TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
 
@@ -49,6 +51,7 @@ class Newton:
 
         self.system, self.bordered, self.kept = system, bordered, kept
         self._first = self._before = math.inf
+        self._of_stress, self._round = 0.0, rounding_of_stress(system)
         self._iterate = np.empty(0)
         self._most = bordered.inverse.most_newton
         self._since: Array | None = None
@@ -122,6 +125,7 @@ class Newton:
         self.bordered.join(f, inner - system.pressures @ loads, gaps)
         norms = np.sqrt([total(system.comm, float(load @ load)) for load in loads])
         self._load_size = float(np.abs(system.pressures) @ norms)
+        self._of_stress = float(norms[: len(norms) - len(system.dead.forms)].max(initial=0.0))
 
     def _along(self) -> float:
         """How far the current state has gone from the anchor along its force."""
@@ -183,8 +187,12 @@ class Newton:
             self._first = residual
         unit_load: Any = self.bordered.q.norm()
         tolerance = TOLERANCE * max(self._load_size, FLOOR * unit_load)
-        # Forces in a thin wall cancel to a part in 1e9 of themselves; what rounding leaves of them Newton cannot mend.
-        settled = iteration >= 2 and residual > 0.5 * self._before and residual <= ROUNDING * tolerance
+        # Forces in a thin wall cancel to a part in 1e9 of themselves; what rounding leaves of them Newton cannot mend, nor what
+        # it leaves of a stiff region's, which a small weight is far below.
+        rounding = max(
+            ROUNDING * max(tolerance, TOLERANCE * FLOOR * self._of_stress), SAFE * self._round * self._of_stress
+        )
+        settled = iteration >= 2 and residual > 0.5 * self._before and residual <= rounding
         if residual <= tolerance or settled:
             return reasons.CONVERGED_FNORM_ABS
         if iteration >= self._most:
