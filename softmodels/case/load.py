@@ -158,14 +158,14 @@ class Load:
         """Refuse a load whose states are not those of one pressure or volume.
 
         Raises:
-            CaseError: A supply, a program or a cycle.
+            CaseError: A supply, a program, a cycle, or travels.
         """
         if rubs := self._remembering:
             raise CaseError(f"a band is not told where there is friction, as at {rubs}: leave out --band, or friction")
-        if self.program or self.supply is not None or self.cycle or self.driven is not None:
+        if self.program or self.supply is not None or self.cycle or (self.driven is not None and self.driven.held):
             raise CaseError(
-                "a band is told of states at requested pressures or volumes; leave out --band, or supply, cycle, requested "
-                "forces and series"
+                "a band is told of states at requested pressures, volumes, forces or shares of the weight; leave out --band, "
+                "or supply, cycle, requested travels and series"
             )
 
     def check_branch(self) -> None:

@@ -18,6 +18,7 @@ from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path.points import Point
+from softmodels.path.quantities import AddedVolume, DeadForce, Pressure
 from softmodels.results.fields import Fields
 from softmodels.results.terms import split
 
@@ -38,11 +39,12 @@ class Band:
         fields: The device.
         errors: Of its material.
         pascal_per_cm: Pa in one cm of the column.
-        by_volume: Whether volumes are requested: rises are then told at the same volume, else at the same pressure.
+        kept: What is requested, at the same value of which rises are told: ``"pressure"``, ``"volume"``, or the ``"force"`` of
+            dead loads, such as shares of the weight.
     """
 
-    def __init__(self, fields: Fields, errors: MaterialErrors, pascal_per_cm: float, by_volume: bool):
-        self.fields, self.errors, self.cm, self.by_volume = fields, errors, pascal_per_cm, by_volume
+    def __init__(self, fields: Fields, errors: MaterialErrors, pascal_per_cm: float, kept: str = Pressure.name):
+        self.fields, self.errors, self.cm, self.kept = fields, errors, pascal_per_cm, kept
         self._sensitivity = Sensitivity(fields.solver)
 
     def cells(self, point: Point) -> dict[str, float | None]:
@@ -66,8 +68,8 @@ class Band:
     def _columns(self) -> list[str]:
         actuator = self.fields.system.body.actuator
         figures = actuator.device_figures(actuator.probes)
-        return ["pressure_95_cm", "added_volume_95_ml", *(_named(f"{probe}_mm") for probe in actuator.probes),
-                *map(_named, figures)]  # fmt: skip
+        rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, figures)]
+        return rises if self.kept == DeadForce.name else ["pressure_95_cm", "added_volume_95_ml", *rises]
 
     def _move(self, point: Point, root: Array) -> dict[str, float]:
         """What changes as the parameters do by ``root`` (SI units), by column."""
@@ -78,13 +80,18 @@ class Band:
             own, slope = self._sensitivity.material_force(name)
             force += change * own
             dmu += change * slope
+        mu, forced = eq.stress_unit, self.kept == DeadForce.name
+        if forced:  # P is a dead load's, which keeps its newtons already; the cavities' pressures are kept beside it
+            cavities = len(eq.volumes())
+            force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
         moved = fields.solver.aside(state, volume_control(state.V), -force, TOLERANCE)
-        mu = eq.stress_unit
-        dP, w, dV = moved.P * mu + state.P * dmu, moved.w, 0.0
-        if not self.by_volume:
+        dP, w, dV = moved.P * mu + (0.0 if forced else state.P * dmu), moved.w, 0.0
+        if self.kept != AddedVolume.name:
             slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
             w = w + slide * point.tangent.w
             dV = slide * point.tangent.V * eq.volume_unit
+        if forced:
+            return self._rises(state.w, w)
         return {"pressure_95_cm": dP / self.cm, "added_volume_95_ml": 1e6 * dV, **self._rises(state.w, w)}
 
     def _rises(self, w: Array, change: Array) -> dict[str, float]:

@@ -119,7 +119,7 @@ class Simulation:
         from softmodels.results.band import Band
 
         case = self.case
-        return None if case.band is None else Band(self.fields, case.band, case.cm, bool(case.volumes_ml))
+        return None if case.band is None else Band(self.fields, case.band, case.cm, case.quantity)
 
     def describe(self) -> None:
         """Report what is solved: followed points, sizes, and how far the law can be trusted."""

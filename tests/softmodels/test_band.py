@@ -9,6 +9,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
+from softmodels.case.load_request import LoadRequest
 from softmodels.case.material_errors import MaterialErrors
 from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.pictures.style import headline
@@ -155,3 +156,27 @@ def test_titles_tell_the_pressure_and_not_its_band(run):
     assert term("pressure_95_cm", DISK).name.startswith("band") and term("added_volume_95_ml", DISK).name.startswith(
         "band"
     )
+
+
+def test_of_shares_of_a_weight_and_of_forces():
+    """A beam has no pressure: the band of its rise is that at the same share, or at the same force beside its weight."""
+    beam = sm.Beam(length=0.03, width=0.01, thickness=0.005, cell_size=0.005)
+    weight, pull = sm.Gravity("-z"), sm.Force("tip", "z")
+    for parts, asked in (((weight,), ("share", (0.5,))), ((weight, pull), ("force_N", (0.005,)))):
+        case = Case("beam", beam, law(), parts=parts, driven=LoadRequest(*asked), band=ERRORS)
+        expected = half(slopes(lambda other, case=case: sm.run(
+            dataclasses.replace(case, material=other, band=None)).rows[-1]["tip_mm"]))  # fmt: skip
+        row = sm.run(case).rows[-1]
+        assert row["tip_95_mm"] == pytest.approx(expected, rel=2e-3) and "pressure_95_cm" not in row
+
+
+def test_of_a_force_on_an_inflated_device():
+    """Its pressure is kept beside the force."""
+    membrane = sm.Membrane(cell_size=0.002, through=2)
+    asked = LoadRequest("force_N", (0.05,), at_pressure_cm=8.0)
+    case = Case("push", membrane, law(), parts=(sm.Force("top", "-z"),), driven=asked, band=ERRORS)
+    expected = half(slopes(lambda other: sm.run(
+        dataclasses.replace(case, material=other, band=None)).rows[-1]["apex_mm"]))  # fmt: skip
+    assert sm.run(case).rows[-1]["apex_95_mm"] == pytest.approx(expected, rel=2e-3)
+    with pytest.raises(CaseError, match="a band is told of states"):
+        dataclasses.replace(case, driven=LoadRequest("travel_mm", (1.0,)))

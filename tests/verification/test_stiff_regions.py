@@ -1,4 +1,4 @@
-"""A sheet ten thousand times stiffer than the silicone, as of paper in a finger: rounding neither ends a path nor turns a sign."""
+"""A sheet ten thousand times stiffer than the silicone, as of paper in a finger: rounding ends no path and turns no sign."""
 
 from __future__ import annotations
 

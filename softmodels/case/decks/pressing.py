@@ -97,11 +97,10 @@ def _shape(shape: RigidShape, actuator: Actuator) -> Stop:
     onset, deepest = ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
     penalty = HardeningPenalty(shape.stiffness, onset, HARDENS * deepest, HARDER)
     depths = np.union1d(np.linspace(0.0, onset, ENTRIES + 1), np.linspace(HARDENS * deepest, deepest, HARD_ENTRIES + 1))
+    across = np.outer(along, along)
+    onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - across
     if radius is None:  # a plane: a spring that touches is one size long
-        return Stop(
-            shape.label, shape.roles, (at @ along - 1.0) * along, np.outer(along, along), 1.0, 1.0, penalty, depths
-        )
-    onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - np.outer(along, along)
+        at, onto, radius = (at @ along - 1.0) * along, across, 1.0
     slide = _slide(shape, actuator, onto) if shape.guide else None
     return Stop(shape.label, shape.roles, at, onto, radius, sign, penalty, depths, slide)
 
