@@ -4,9 +4,10 @@
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/exported_calculix.py [case.toml | name ...]
 
 Without a case, those of `CASES`: the disk's wedge in Yeoh's law; a slab that hangs by its base under its weight, a mass, a
-force and a moment; a finger of two silicones under its weight; a membrane with a rigid plate of its own mass; a finger whose
-rigid tip turns; the disk against a plane, against a ball and below one that it lifts; a finger on a rod, and one whose tip a
-clamp lets slip; a tube wound with fibres, and in a fabric. Both have displacements alone, the same mesh and the same energy.
+force and a moment; a finger of two silicones under its weight; a membrane with a rigid plate of its own mass; fingers, half
+and whole, whose rigid tip turns; the disk against a plane, against a ball and below one that it lifts; a finger on a rod, and
+one whose tip a clamp lets slip; a tube wound with fibres, and in a fabric. Both have displacements alone, the same mesh and the
+same energy.
 Measured with CalculiX 2.20, where `Actuator.probes` are:
 
 | case | at | softmodels | CalculiX | softmodels | CalculiX |
@@ -74,6 +75,11 @@ BALL = sm.RigidShape("sphere", "top", (0.0, 0.0, TOP + 0.0105), 0.010, name="bal
 RIGID: dict[str, tuple[sm.Actuator, tuple[float, ...], dict[str, Any]]] = {
     "plate": (PLATED, (5.0, 10.0), {"parts": (sm.Rigid("plate", name="plate", mass=0.02), sm.Gravity("-z"))}),
     "tip": (SMALL, (4.0, 8.0), {"parts": (sm.Rigid("tip", name="plate", mass=0.01), sm.Gravity("0.6, 0, -0.8"))}),
+    "whole": (
+        dataclasses.replace(SMALL, part="full"),
+        (6.0,),
+        {"parts": (sm.Rigid("tip", name="plate", mass=0.005), sm.Gravity("0.3, 0.5, -0.8"))},
+    ),
     "bench": (COARSE, (40.0, 80.0), {"obstacle": sm.Obstacle("top", f"z = {1e3 * TOP + 0.5} mm")}),
     "ball": (COARSE, (40.0, 80.0), {"parts": (BALL,)}),
     "lifted": (COARSE, (60.0,), {"parts": (dataclasses.replace(BALL, guide="z", mass=0.02),)}),

@@ -96,6 +96,19 @@ def test_a_plate_that_turns_is_a_rigid_body(tmp_path):
     assert (deck.forces - bare.forces).sum(axis=0) == pytest.approx(wanted, rel=1e-9)
 
 
+def test_a_plate_in_a_half_that_is_cut_askew(tmp_path):
+    """Its centre stays in the cut plane and its rotation vector is along that plane's normal; FEBio has no words for that."""
+    device = sm.HollowDisk(fillet=0.0, cavity_radius=0.02, cell_size=0.02, angle=180.0, azimuth=30.0, support="base")
+    plate = sm.Rigid("top", name="plate")
+    deck = export(DISK, tmp_path / "disk.inp", actuator=device, parts=(plate,))
+    (one,) = deck.supports.rigged
+    u, normal = admissible(deck), np.array(device.cut_planes[0].normal)
+    assert abs(u[one.place] @ normal) < 1e-12 and np.linalg.norm(np.cross(u[one.turn], normal)) < 1e-12
+    assert np.abs(u[one.place]).min() > 1e-3 and np.abs(u[one.turn]).max() > 1e-3
+    with pytest.raises(CaseError, match="turns in a half that is cut along no plane of two axes"):
+        export(DISK, tmp_path / "disk.feb", actuator=device, parts=(plate,))
+
+
 def test_a_plate_that_turns_in_febio(tmp_path):
     deck = export(FINGER, tmp_path / "finger.feb", parts=(PLATE, WEIGHT))
     root = ElementTree.parse(tmp_path / "finger.feb").getroot()
