@@ -117,6 +117,11 @@ class Membrane(Revolved):
         return (*plate, *(f"ring{k}" for k in range(1, len(self.ring_pairs) + 1) if self.ring_thickness))
 
     @property
+    def plated(self) -> tuple[str, ...]:  # type: ignore[override]
+        """What is bonded on: plate and rings."""
+        return tuple(name for name in self.faces if name == "plate" or name.startswith("ring"))
+
+    @property
     def seen(self) -> tuple[str, ...]:  # type: ignore[override]
         return self.faces
 

@@ -25,3 +25,6 @@ class Presented:
 
     examples: ClassVar[tuple[str, ...]] = ()
     """Options worth showing in a command's help."""
+
+    plated: ClassVar[tuple[str, ...]] = ()
+    """Faces that stand for something stiff on a bench, such as a plate, until a case says what it is of."""

@@ -117,8 +117,8 @@ class Load:
         if sum(map(bool, asked)) != 1:
             raise CaseError(
                 "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
-                "(--supply syringe with --stroke-ml), or forces on a face (--force-N), or in a case file a series for each "
-                "cavity (cavity1.pressure_cm): one of these"
+                "(--supply syringe with --stroke-ml), or forces on a face (--force-N), or shares of the weight "
+                "(--weight-share), or in a case file a series for each cavity (cavity1.pressure_cm): one of these"
             )
         if not actuator.ratios and (self.pressures_cm or self.volumes_ml or self.strokes_ml):
             raise CaseError(

@@ -106,9 +106,10 @@ def check_parts(parts: Sequence[Part], actuator: Actuator) -> None:
         raise PartError(
             f"several parts are called {twice[0]}; give each a name of its own, since their columns bear it"
         )
-    if (hung := [part for part in parts if isinstance(part, Mass)]) and not any(
-        isinstance(part, Gravity) for part in parts
-    ):
-        raise PartError(f"{hung[0].where} hangs under gravity; say where that pulls to ([gravity], --gravity -z)")
+    if not any(isinstance(part, Gravity) for part in parts):
+        for part in parts:
+            if isinstance(part, Mass) or (isinstance(part, Rigid) and part.mass):
+                what = "hangs under gravity" if isinstance(part, Mass) else "has a mass, which gravity pulls at"
+                raise PartError(f"{part.where} {what}; say where that pulls to ([gravity], --gravity -z)")
     for part in parts:
         part.check_on(actuator)

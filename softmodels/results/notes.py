@@ -7,11 +7,15 @@ from collections.abc import Sequence
 
 from softmodels.case.case import Case
 from softmodels.case.gauges import followed_text
+from softmodels.case.region import Region
 from softmodels.materials.casting import density_of, sheet_of
 from softmodels.materials.silicones import SILICONES, named, stretch_at_break
 from softmodels.materials.spread import material_spread
 from softmodels.materials.stability import instabilities
+from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.loads import Gravity
+from softmodels.mechanics.named_places import names_in
+from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.walls.part import Walls
 from softmodels.results.row import Row
 from softmodels.results.state_words import state_words
@@ -33,6 +37,7 @@ def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
         *stretch_notes(case, rows),
         *source_notes(case),
         *weight_notes(case),
+        *bonded_notes(case),
         *volume_notes(rows),
         *contact_notes(case, rows),
         *depth_notes(case, rows),
@@ -67,6 +72,23 @@ def band_notes(rows: Sequence[Row]) -> list[str]:
                 f"by the errors of the fitted material the limit point lies between {low:.4g} and {high:.4g} cm (95 %)"
             ]
     return []
+
+
+def bonded_notes(case: Case) -> list[str]:
+    """A sentence where plates or rings of a device are nothing but its silicone, which a plate on a bench is not."""
+    meshed = {part.name for part in case.parts if isinstance(part, Region)}
+    rigid = {name for part in case.parts if isinstance(part, Rigid) for name in (*names_in(part.face), part.region)}
+    rigid |= {name for part in case.parts if isinstance(part, Clamp) for name in names_in(part.face)}
+    soft = [name for name in case.actuator.plated if name not in meshed | rigid]
+    if not soft:
+        return []
+    named, first = " and ".join(soft), soft[0]
+    does = "bends and stretches" if len(soft) == 1 else "bend and stretch"
+    region = ", or a region of another material" if first in case.actuator.regions else ""
+    return [
+        f"{named} {does} with the silicone here; a stiff one is a rigid part of a case file ([rigid.{first}] with "
+        f"face = '{first}'){region}"
+    ]
 
 
 def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:

@@ -8,6 +8,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.case.material_errors import MaterialErrors
+from softmodels.results.notes import bonded_notes
 
 MEMBRANE = sm.Membrane(plate_radius=0.008, cell_size=0.002, through=2)
 LAW = sm.NeoHookean(30e3, 0.49)
@@ -154,3 +155,22 @@ def test_a_case_file_is_run_with_another_material_and_its_band(fitted, runs):
     assert Case.from_file(fitted / "run" / "case.toml").material.name == "ogden"
     done = runs.run(*run, "--band", file)
     assert done.status == 2 and "are of another material than the case's" in done.err
+
+
+def test_a_rigid_plate_with_a_mass_needs_gravity():
+    """Else its weight would be left out in silence."""
+    with pytest.raises(CaseError, match=r"has a mass, which gravity pulls at; say where"):
+        Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), parts=(PLATE,))
+
+
+def test_a_plate_that_is_silicone_is_told():
+    """A mass on a face does not make it rigid."""
+    heavy = (sm.Gravity("-z"), sm.Mass("plate", 0.02))
+    soft = Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), parts=heavy)
+    assert "plate bends and stretches with the silicone here" in bonded_notes(soft)[0]
+    for part in (sm.Rigid("plate", name="plate"), sm.Clamp(face="plate", name="grip")):
+        assert not bonded_notes(Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), parts=(*heavy, part)))
+    ringed = sm.Membrane(rings=(0.008, 0.010), ring_thickness=0.001)
+    note = bonded_notes(Case("ringed", ringed, LAW, pressures_cm=(5.0,)))[0]
+    assert note.startswith("ring1 bends and stretches") and "region" in note
+    assert not bonded_notes(Case("ringed", ringed, LAW, pressures_cm=(5.0,), parts=(sm.Rigid(region="ring1"),)))
