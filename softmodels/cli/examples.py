@@ -15,6 +15,7 @@ import numpy as np
 
 from measurement.synthetic.boards import chessboard
 from measurement.synthetic.photographer import Scene, save
+from softmodels.cli.bench_cases import BENCH
 from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
 from softmodels.cli.example_cases import CASES, PROBLEMS
 from softmodels.fitting.law_parameters import LawChoice
@@ -39,7 +40,11 @@ disk.toml          the disk of the photographs, its silicone not yet known
 pull.csv           a tensile test of its silicone
 truth.txt          what it is made of
 mypart.step        a part with two cavities, mypart.toml the case of it, program.toml one with a series for each cavity
-*.toml             cases: volume, syringe, cycle, contact, ball, sheet (seminar)
+*.toml             cases: volume, syringe, cycle, contact, ball, sheet (seminar), balloon
+lifted, height     a membrane with a plate and a weight; the force on the plate at a height
+finger, bent       a finger of two silicones with paper, under its weight; a wound finger with a sheet
+rod, muscle, cell  a spheroid with a rod; a McKibben muscle with a load; a bellows on a load cell
+sagging            a strip under its weight
 
 Try them as the README of softmodels shows, for example
 
@@ -130,7 +135,7 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
     """
     folder = Folder(path)
     folder.add("README.txt", lambda file: file.write_text(README, encoding="utf-8"))
-    for name, text in {**CASES, **PROBLEMS}.items():
+    for name, text in {**CASES, **BENCH, **PROBLEMS}.items():
         folder.add(name, lambda file, text=text: file.write_text(text, encoding="utf-8"))  # type: ignore[misc]
     folder.add("pull.csv", lambda file: file.write_text(tensile_curve(), encoding="utf-8"))
     folder.add("truth.txt", lambda file: file.write_text(f"{told_truth()}, a leak of 1 %\n", encoding="utf-8"))

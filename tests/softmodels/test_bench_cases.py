@@ -8,6 +8,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.case.material_errors import MaterialErrors
+from softmodels.cli.bench_cases import BENCH
 from softmodels.results.notes import bonded_notes
 
 MEMBRANE = sm.Membrane(plate_radius=0.008, cell_size=0.002, through=2)
@@ -174,3 +175,20 @@ def test_a_plate_that_is_silicone_is_told():
     note = bonded_notes(Case("ringed", ringed, LAW, pressures_cm=(5.0,)))[0]
     assert note.startswith("ring1 bends and stretches") and "region" in note
     assert not bonded_notes(Case("ringed", ringed, LAW, pressures_cm=(5.0,), parts=(sm.Rigid(region="ring1"),)))
+
+
+@pytest.mark.parametrize("name", BENCH)
+def test_every_kind_of_experiment_has_an_example(name):
+    case = Case.from_toml(BENCH[name])
+    assert case.name == name.removesuffix(".toml") and Case.from_toml(case.to_toml()) == case
+
+
+def test_the_pressure_at_a_height_and_a_weight():
+    """Where the load cell that holds the plate at 8 mm shows nothing, the plate stands there by itself."""
+    held = sm.run(Case.from_toml(BENCH["height.toml"]))
+    weighed = held.path["load_step"] >= 2.0
+    force, pressure = held.path["force_cell_N"][weighed], held.path["pressure_cm"][weighed]
+    alone = float(np.interp(0.0, -force, pressure))
+    text = BENCH["lifted.toml"].replace("ecoflex-00-30", "dragon-skin-10-medium")
+    free = sm.run(Case.from_toml(text.replace('volume_ml = "0:30:5"', f"pressure_cm = [{alone}]")))
+    assert free.path["plate_z_mm"][-1] == pytest.approx(8.0, abs=0.02)
