@@ -31,7 +31,7 @@ silicone = "ecoflex-00-30"
 [load]
 volume_ml = "0:30:5"            # counted from the flat membrane; passes limit points, where pressure = "0:2 kPa" would end
 """,
-    "height.toml": f"""# the same plate held 8 mm above the clamp: the force that a load cell shows over the pressure, and where it is none
+    "height.toml": f"""# the same plate held 8 mm high: the force that a load cell shows over the pressure, and where it is none
 name = "height"
 
 [geometry]
