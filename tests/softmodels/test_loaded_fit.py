@@ -41,7 +41,7 @@ DEVICES = {
     "disk, with a mass and a thread": (
         DISK, (DOWN, Mass("top", 0.030, name="brass"), Force("top", "z", 0.1, name="thread")), (20, 50, 80, 110, 140),
     ),
-    "membrane with a plate of 20 g": (PLATED, PLATE, (6, 10, 14, 18, 22, 26)),
+    "membrane with a plate of 20 g": (PLATED, PLATE, (5, 7, 9, 11, 13, 15)),
 }  # fmt: skip
 HOLD = {"c3": {"start": 0.0, "fixed": True}}
 QUICK = sm.FitOptions(poisson=0.49, changes=HOLD, profiles=False)
