@@ -160,20 +160,25 @@ def _swept(points: Array, cells: Cells) -> tuple[Cells, Cells, Cells]:
 
     Node k of the section is k where the wedge begins and n + k where it ends.
     """
+    cells = _turned_alike(points, cells)
     n, edges = len(points), border(cells)
     edges = edges[points[edges[:, :2], 0].max(axis=1) > 1e-9 * points[:, 0].max()]  # those on the axis sweep nothing
     part = np.repeat(_parts(points, edges[:, :2]), 4)
-    a, b, c = points[cells[:, :3]].transpose(1, 0, 2)
-    left = np.cross(b - a, c - a)[:, 1].sum() < 0  # whether the silicone lies left of its border, y pointing away
-    pieces = np.stack([edges[:, [0, 2]], edges[:, [2, 1]]], axis=1).reshape(-1, 2)
-    begin, end = (pieces if left else pieces[:, ::-1]).T
+    # The silicone lies left of its border, y pointing away.
+    begin, end = np.stack([edges[:, [0, 2]], edges[:, [2, 1]]], axis=1).reshape(-1, 2).T
     walls = np.stack([[begin, begin + n, end], [end, begin + n, end + n]], axis=0).transpose(2, 0, 1).reshape(-1, 3)
     shape = np.concatenate([points, points @ turn(SECTOR).T])[walls]
     area = np.linalg.norm(np.cross(shape[:, 1] - shape[:, 0], shape[:, 2] - shape[:, 0]), axis=1)
     solid = area > 1e-12 * points[:, 0].max() ** 2
     section = cells[:, QUARTERS].reshape(-1, 3)
-    section = section if left else section[:, ::-1]
     return walls[solid], part[solid], np.concatenate([section, section[:, ::-1] + n])
+
+
+def _turned_alike(points: Array, cells: Cells) -> Cells:
+    """The six-node triangles of a section, all in one sense: those of a part that is bonded on may be in the other."""
+    a, b, c = points[cells[:, :3]].transpose(1, 0, 2)
+    against = np.cross(b - a, c - a)[:, 1] > 0.0
+    return np.where(against[:, None], cells[:, [0, 2, 1, 5, 4, 3]], cells)
 
 
 def _creased(points: Array, triangles: Cells, border_only: bool = False) -> tuple[Cells, Cells, Cells]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometries import HollowDisk, SeminarActuator
+from geometries import Balloon, Bellows, HollowDisk, Membrane, SeminarActuator
 from softmodels.pictures.cut_open import best_plane
 from softmodels.results.skin import CUT, OUTSIDE, skin_of
 
@@ -80,3 +80,28 @@ def test_the_cut_of_a_slab_runs_through_its_channels(surface):
         assert normal[2] == 0.0
     elif isinstance(device, SeminarActuator):
         assert normal.tolist() == [0.0, 0.0, 1.0] and place[2] == pytest.approx(device.offset, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "device",
+    [
+        Membrane(plate_radius=0.008, plate_thickness=0.002, rings=(0.011, 0.013), ring_thickness=0.001),
+        Balloon(rod_radius=0.002),
+        Bellows(),
+    ],
+    ids=lambda device: type(device).__name__,
+)
+def test_a_section_of_several_parts_points_outwards_everywhere(device, drawings, tmp_path):
+    """Cells of what is bonded on may be numbered the other way round: its faces would be seen from inside alone."""
+    skin = skin_of(*drawings.grid_of(device, tmp_path), device)
+    points, _, _ = drawings.grid_of(device, tmp_path)
+    corners = skin.points(points)[skin.triangles]
+    assert len(skin.images) * volume(corners) == pytest.approx(device.solid_volume, rel=0.01)
+    whole = skin.device(skin.points(points))[skin.device_triangles(skin.part != CUT)]
+    up = np.cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0])[:, 2]
+    top = (
+        whole[:, :, 2].min(axis=1) > device.apex - 1e-9
+        if isinstance(device, Membrane)
+        else np.zeros(len(up), dtype=bool)
+    )
+    assert (up[top] > 0.0).all()
