@@ -20,6 +20,7 @@ from softmodels.runs.simulation import Simulation, temporary_folder
 from softmodels.runs.states import InMemory, SolvedState, Source, state_of
 
 if TYPE_CHECKING:
+    from softmodels.path.points import Point
     from softmodels.runs.step import Step
 
 Array = npt.NDArray[np.float64]
@@ -33,14 +34,16 @@ def solve_between(source: Source, quantity: str, wanted: float, values: Array) -
 
     Args:
         source: The run's states.
-        quantity: ``"pressure"``, ``"volume"`` or ``"stroke"``.
-        wanted: The value in SI units, between the least and the largest of ``values``.
-        values: Of the stored states in SI units, shape (states,).
+        quantity: ``"pressure"``, ``"volume"`` or ``"stroke"``; or a column of ``path.csv``.
+        wanted: The value in SI units, or in that column's, between the least and the largest of ``values``.
+        values: Of the stored states, likewise, shape (states,).
 
     Raises:
         RunError: It was not found.
     """
     comm, ends = start(), _bracket(source, values, wanted)
+    if ends is None and quantity in source.rows[0]:
+        raise RunError(f"no two neighbouring states on one piece of the path have {quantity} {wanted:g} between them")
     case = source.case if ends else _to_one(source.case, quantity, wanted)
     simulation = Simulation(case, comm)
     try:
@@ -80,17 +83,28 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
     *points, after = (
         stored_point(stored, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
     )
-    path = Continuation(simulation.solver, simulation.quantity(quantity), start=simulation.beginning.state())
+    followed = source.case.quantity if quantity in source.rows[0] else quantity
+    path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.beginning.state())
     solved = [step for step in range(ends[0] + 1) if step not in passed]
     path.recall = functools.partial(recall, stored, fields, comm, solved)
     try:
         path.resume([*points[:-1], dataclasses.replace(points[-1], factorised=True)])
         tangent = path.corrector.tangent(after.state)
-        value = wanted / simulation.beginning.unit_of(quantity)
-        found = path.keep(path.between(path.last, dataclasses.replace(after, tangent=tangent), value))
+        before, after = path.last, dataclasses.replace(after, tangent=tangent)
+        if quantity in source.rows[0]:
+            state = path.corrector.root(before, after, lambda point: _figure(simulation, point, quantity) - wanted)
+            found = path.corrector.point(state, requested=True)
+        else:
+            found = path.between(before, after, wanted / simulation.beginning.unit_of(quantity))
+        path.keep(found)
     except NoConvergence as failure:
         raise RunError(f"the state between steps {ends[0]} and {ends[1]} was not found ({failure})") from failure
     return simulation.step_of(found, ends[0])
+
+
+def _figure(simulation: Simulation, point: Point, column: str) -> float:
+    """A figure of ``path.csv`` at a point, on all ranks."""
+    return float(simulation.step_of(point, 0).row[column])
 
 
 class _Stored:

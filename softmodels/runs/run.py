@@ -184,6 +184,31 @@ class Run:
             self._solved[quantity, wanted] = solve_between(self._source, quantity, wanted, there)
         return self._solved[quantity, wanted]
 
+    def where(self, column: str, value: float) -> SolvedState:
+        """The first state at which a figure of the path has a value, such as a plate its height; solved for, as by `at`.
+
+        Args:
+            column: Its column of ``path.csv``, such as ``"plate_z_mm"``, in whose unit the value is.
+            value: The value.
+
+        Raises:
+            CaseError: No such column.
+            RunError: The path has no such value.
+        """
+        if column not in self.rows[0] or not isinstance(self.rows[0][column], float):
+            raise CaseError(f"the path has no figure {column!r}; it has {', '.join(self.rows[0])}")
+        there, wanted = self._column(column, 1.0), float(value)
+        if near := np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max()).tolist():
+            return self[near[0]]
+        if self.case.program:
+            raise RunError("the states of a program are not interpolated; ask for one by the number of its step")
+        if not (low := np.nanmin(there)) < wanted < (high := np.nanmax(there)):
+            why = f"; {self.limit.why}" if self.limit else ""
+            raise RunError(f"the run has no state with {column} {wanted:g}: it goes from {low:.4g} to {high:.4g}{why}")
+        if (column, wanted) not in self._solved:
+            self._solved[column, wanted] = solve_between(self._source, column, wanted, there)
+        return self._solved[column, wanted]
+
     def _asked(self, value: str | float) -> tuple[str, float]:
         """What is asked for, and the value in SI units."""
         own = self.case.quantity

@@ -192,3 +192,16 @@ def test_the_pressure_at_a_height_and_a_weight():
     text = BENCH["lifted.toml"].replace("ecoflex-00-30", "dragon-skin-10-medium")
     free = sm.run(Case.from_toml(text.replace('volume_ml = "0:30:5"', f"pressure_cm = [{alone}]")))
     assert free.path["plate_z_mm"][-1] == pytest.approx(8.0, abs=0.02)
+
+
+def test_the_state_at_a_height(lifting):
+    state = lifting.where("plate_z_mm", 3.0)
+    assert state.row["plate_z_mm"] == pytest.approx(3.0, abs=1e-5)
+    again = sm.inflate(MEMBRANE, LAW, pressures=[state.pressure], parts=[PLATE, sm.Gravity("-z")])
+    assert again.path["plate_z_mm"][-1] == pytest.approx(3.0, abs=1e-4)
+    asked = lifting.rows[-1]
+    assert lifting.where("plate_z_mm", asked["plate_z_mm"]).row == asked
+    with pytest.raises(CaseError, match="no figure 'height'"):
+        lifting.where("height", 3.0)
+    with pytest.raises(sm.RunError, match=r"no state with plate_z_mm 90: it goes from"):
+        lifting.where("plate_z_mm", 90.0)
