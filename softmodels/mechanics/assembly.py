@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.assembled import AssembledTerms
     from softmodels.mechanics.dead_loads import DeadLoads
     from softmodels.mechanics.potential import Potential
+    from softmodels.mechanics.products import Products
     from softmodels.mechanics.unknowns import Unknowns
 
 Array = npt.NDArray[np.float64]
@@ -40,7 +41,7 @@ class Assembly:
     _vector: fem.Function
     _internal: list[fem.Form]
     _loads: list[list[fem.Form]]
-    _product: list[fem.Form]
+    _products: Products
     _tangent: list[fem.Form]
 
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
@@ -95,12 +96,18 @@ class Assembly:
 
     def tangent_product(self, x: Array, y: Array) -> None:
         """Put the current state's tangent times x into y. Cheaper than assembling the matrix, and only good for products."""
+        from dolfinx import la
+
         d = self.potential.direction.x
         self.unknowns.push(x, d.array)
         for bc in self.bcs:
             bc.set(d.array, alpha=0.0)
         d.scatter_forward()
-        self.assembled.add_product(self.w.x.array, d.array, self.assemble(self._product, held=True))
+        b = self._vector.x
+        b.array[:] = 0.0
+        self._products.add(d.array, b.array)
+        b.scatter_reverse(la.InsertMode.add)
+        self.assembled.add_product(self.w.x.array, d.array, b.array[: self.n])
         y[:] = self._by_unknowns()
         self.unknowns.stiffen(x, y, self.residual)
         for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix

@@ -58,6 +58,7 @@ class Potential:
         pressure_dofs: If mixed, the unknown p at the corners of each local cell, one for each region, shape
             (cells, corners, regions), -1 where a region does not reach.
         volumes, loads: Each cavity's volume, and its derivative by w.
+        pressures: Each cavity's pressure.
         cavity_volume: What P works on.
         energies: Terms of the stored energy.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
@@ -128,14 +129,13 @@ class Potential:
 
         self._cavity_loads: list[tuple[fem.Constant, fem.Constant]] = []  # share of P, and the rest
         if self.body.actuator.ratios == (1.0,):
-            self.cavity_volume = self.volumes[0]
+            self.cavity_volume, self.pressures = self.volumes[0], [self.P]
             return self.P * self.loads[0]
         mesh = self.body.mesh
         self._cavity_loads = [(fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)) for _ in self.volumes]
         self.cavity_volume = sum(share * own for (share, _), own in zip(self._cavity_loads, self.volumes, strict=True))
-        return sum(
-            (share * self.P + rest) * load for (share, rest), load in zip(self._cavity_loads, self.loads, strict=True)
-        )
+        self.pressures = [share * self.P + rest for share, rest in self._cavity_loads]
+        return sum(pressure * load for pressure, load in zip(self.pressures, self.loads, strict=True))
 
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr) -> Expr:
         """A law's energy per reference volume, of anything that carries its parameters by name."""
@@ -163,11 +163,20 @@ class Potential:
         import ufl
 
         found = [ufl.derivative(force, self.w, trial) for force in self.forces]
+        for number, foreseen in self.foreseen_tangents(trial).items():
+            found[number] = foreseen
+        return found
+
+    def foreseen_tangents(self, trial: Expr) -> dict[int, ufl.Form]:
+        """Those of `tangent` that are no second derivatives of their energies, by their numbers there."""
+        import ufl
+
+        found: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
         at, foresight = self._before_terms, Foresight(self._known, y, self._move, self._test, trial)
         for term in self.terms.values():
             if (seconds := term.tangent(foresight)) is not None:
-                found[at : at + len(seconds)] = seconds
+                found |= dict(enumerate(seconds, at))
             at += len(term.energies)
         if self.sheet is not None:
             on_face, normal = self.body.sheet_face(self.sheet.face)

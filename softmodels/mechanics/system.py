@@ -28,6 +28,7 @@ from softmodels.mechanics.holds import clamped, conditions
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.potential import Potential
+from softmodels.mechanics.products import Products
 from softmodels.mechanics.region_space import matrix_of
 from softmodels.mechanics.regions import MaterialRegion, check_compressible
 from softmodels.mechanics.rigid_nodes import still_pressures, unknowns_of
@@ -149,7 +150,7 @@ class System(Assembly):
             term.compile(self)
         self._stored = [form(energy) for energy in potential.energies]
         self._internal = [form(force) for force in potential.internal]
-        self._product = [form(second) for second in potential.tangent(potential.direction)]
+        self._products = Products(potential, self._internal, [load for (load,) in self._loads], form)
         self._tangent = [form(second) for second in potential.tangent(ufl.TrialFunction(self.space))]
         self.points, _ = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         strain = Strain(self.body.deformation_gradient(potential.displacement))
