@@ -82,6 +82,7 @@ class Newton:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
         self.control, self._since = control, since
+        self.bordered.recycled.forget()
         self._most = most or self.bordered.inverse.most_newton
         self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
         self.system.assembled.whole = True

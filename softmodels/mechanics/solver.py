@@ -94,8 +94,7 @@ class Solver:
             control: The curve.
             w: Guess of the dofs, shape as `State.w`.
             P: Guess of the pressure.
-            since: If given, a sheet's stress in Newton's matrix is the foreseen one (`Potential.foresee`), at first that of
-                this state's dofs.
+            since: If given, stress in Newton's matrix is foreseen (`Potential.foresee`), at first that of these dofs.
             most: Iterations of Newton's method before it is given up; the solver's own number if None.
 
         Raises:
@@ -120,7 +119,7 @@ class Solver:
 
     def _state(self, scalars: Array) -> State:
         """The state that Newton's method has left in the functions."""
-        w = np.concatenate([self.system.w.x.array, scalars[1:]])
+        w = self.bordered.recycled.state = np.concatenate([self.system.w.x.array, scalars[1:]])
         return State(w, float(scalars[0]), self.system.volume(), self.newton.snes.getIterationNumber())
 
     def factorise(self, state: State) -> None:
@@ -176,6 +175,7 @@ class Solver:
     def _border(self, state: State, control: Control) -> None:
         """Set the border for linear answers at a state, the control's line held."""
         self.system.load(state)
+        self.bordered.recycled.belong_to(state.w)
         self.kept.set_columns()
         self.bordered.control = control
         if self.bordered.factorisations == 0:  # the guess was the state: Newton's method made no step
@@ -256,6 +256,7 @@ class Solver:
         """
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
+        bordered.recycled.belong_to(state.w)
         bordered.control = pressure_control(0.0)
         if bordered.constraint_columns:  # the held volumes' own: the border may be of another state
             self._border(state, bordered.control)
@@ -287,8 +288,7 @@ class Solver:
     def release(self) -> None:
         """Give back what PETSc and MPI hold for this device; it cannot be solved any more.
 
-        What is merely dropped is given back too on one rank; on several, PETSc waits until all ranks agree, so long-lived
-        processes call this.
+        What is merely dropped is given back on one rank alone: on several PETSc waits until all agree.
         """
         self._drop()
         self.system.K.destroy()
