@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.petsc_matrices import assemble_into
-
 if TYPE_CHECKING:
     from dolfinx import fem
     from petsc4py import PETSc
@@ -42,7 +40,6 @@ class Assembly:
     _internal: list[fem.Form]
     _loads: list[list[fem.Form]]
     _products: Products
-    _tangent: list[fem.Form]
 
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
         """Sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if ``held``.
@@ -88,9 +85,7 @@ class Assembly:
     def _assemble_whole(self) -> None:
         """Assemble the tangent by all dofs."""
         self._whole.zeroEntries()
-        for form in self._tangent:
-            assemble_into(self._whole, form, self.bcs)
-            self._whole.assemble(self._whole.AssemblyType.FLUSH)  # held dofs' diagonal is put in, the rest is added up
+        self._products.add_to(self._whole, self.bcs)
         self._whole.assemble()
         self.assembled.add_to(self._whole, self.w.x.array)
 

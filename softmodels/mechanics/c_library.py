@@ -5,6 +5,7 @@ By the compiler and with the words for it that the equations' own code is compil
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import hashlib
 import importlib.util
@@ -14,18 +15,23 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from softmodels.mechanics.compiler_flags import compiler_flags
 from softmodels.mechanics.compiling import cache
 from softmodels.mechanics.mpi import on_root
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+    from petsc4py import PETSc
 
 SOURCE = Path(__file__).with_name("moduli.c")
-_TABLES = "int64_t, int64_t, int64_t, const int32_t *, const double *, const double *, const double *, const double *"
-DECLARED = "void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
-    f"void {name}({_TABLES}, const double *, const double *, double *);"
-    for name in ("moduli_of_gradients", "moduli_with_pressure", "moduli_with_values")
+_TABLES = f"int64_t, int64_t, int64_t, const int32_t *{', const double *' * 5}"
+_ROWS = "typedef struct { void *matrix, *set; const int32_t *starts, *columns; double *values; } rows;"
+DECLARED = f"{_ROWS} void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
+    f"void moduli_{of}({_TABLES}, const double *, double *);"
+    f"int matrix_{of}({_TABLES}, int64_t, const int8_t *, const rows *);"
+    for of in ("of_gradients", "with_pressure", "with_values")
 )
 FAST = "-O3"
 """These few functions may take longer to compile than equations."""
@@ -46,6 +52,42 @@ def library(comm: MPI.Comm) -> ModuleType:
     name = place.name.partition(".")[0]
     on_root(comm, lambda: None if place.exists() else _compile(name, words, place))
     return _loaded(name, place)
+
+
+class Rows:
+    """What the C code adds cells' matrices to.
+
+    Args:
+        matrix: A matrix of PETSc with a place for each entry.
+
+    Attributes:
+        c: The C code's own description of it.
+    """
+
+    def __init__(self, matrix: PETSc.Mat):
+        from petsc4py import PETSc
+
+        self._ffi = library(matrix.comm.tompi4py()).ffi
+        petsc, self._matrix = ctypes.CDLL(PETSc.__file__), matrix
+        self.c = self._ffi.new("rows *")
+        self.c.matrix = self._ffi.cast("void *", matrix.handle)
+        if matrix.comm.size > 1 or not matrix.assembled:
+            function = ctypes.cast(petsc.MatSetValuesLocal, ctypes.c_void_p).value
+            self.c.set = self._ffi.cast("void *", function)
+            return
+        # PETSc would look for the place of every entry by itself, which takes most of an assembly.
+        self._places = [np.asarray(part, dtype=np.int32) for part in matrix.getRowIJ()]
+        values = ctypes.c_void_p()
+        self.check(petsc.MatSeqAIJGetArray(ctypes.c_void_p(matrix.handle), ctypes.byref(values)))
+        self.c.starts, self.c.columns = (self._ffi.from_buffer("int32_t[]", part) for part in self._places)
+        self.c.values = self._ffi.cast("double *", values.value)
+
+    def check(self, error: int) -> None:
+        """Raise what an error of the C code or PETSc stands for; 0 is none."""
+        from petsc4py import PETSc
+
+        if error:
+            raise PETSc.Error(error)
 
 
 def _place(words: list[str]) -> Path:

@@ -111,3 +111,113 @@ void moduli_take(int64_t count, int64_t points, int64_t entries, const double *v
 PRODUCT(moduli_of_gradients, 0, 0, 0)
 PRODUCT(moduli_with_pressure, 1, 0, 1)
 PRODUCT(moduli_with_values, 3, 1, 0)
+
+/* Where a matrix of PETSc takes entries: its own function, or of one rank the rows themselves. */
+typedef int (*set_values)(void *, int32_t, const int32_t *, int32_t, const int32_t *, const double *, int);
+#define ADD 2
+typedef struct {
+    void *matrix, *set; /* MatSetValuesLocal; NULL if the rows are given */
+    const int32_t *starts, *columns; /* rising in each row */
+    double *values;
+} rows;
+
+/* Adds a cell's matrix, its upper triangle, where neither dof is held; returns PETSc's error, or -1 for an entry that has no
+   place. */
+static int add(const rows *into, int count, const int32_t *at, const int8_t *held, double *entries)
+{
+    int order[64];
+    for (int i = 0; i < count; i++)
+        for (int j = i; j < count; j++)
+            entries[j * count + i] = entries[i * count + j] = held[at[i]] || held[at[j]] ? 0.0 : entries[i * count + j];
+    if (into->set)
+        return ((set_values)into->set)(into->matrix, count, at, count, at, entries, ADD);
+    for (int i = 0, j; i < count; i++) {
+        for (j = i; j > 0 && at[order[j - 1]] > at[i]; j--)
+            order[j] = order[j - 1];
+        order[j] = i;
+    }
+    for (int i = 0; i < count; i++) {
+        int32_t k = into->starts[at[i]];
+        const int32_t end = into->starts[at[i] + 1];
+        for (int j = 0; j < count; j++) {
+            const int32_t column = at[order[j]];
+            while (k < end && into->columns[k] < column)
+                k++;
+            if (k == end || into->columns[k] != column)
+                return -1;
+            into->values[k] += entries[i * count + order[j]];
+        }
+    }
+    return 0;
+}
+
+/* Adds the second derivative itself to a matrix of PETSc, of `count` cells or faces; returns what `add` does.
+   held: whether a row and a column of a local dof stay empty
+   The rest as above. */
+#define MATRIX(NAME, EXTRA, VALUES, PRESSURE)                                                                           \
+    int NAME(int64_t batches, int64_t points, int64_t curved, const int32_t *dofs, const double *inverse,               \
+             const double *shapes, const double *slopes, const double *linear, const double *moduli, int64_t count,     \
+             const int8_t *held, const rows *into)                                                                      \
+    {                                                                                                                   \
+        enum { STRAINS = 9 + (EXTRA), UNKNOWNS = 3 * NODES + (PRESSURE ? CORNERS : 0) };                                \
+        lanes A[UNKNOWNS][UNKNOWNS];                                                                                    \
+        const stored *D = (const stored *)moduli;                                                                       \
+        for (int64_t b = 0; b < batches; b++) {                                                                         \
+            const int32_t *own = dofs + b * UNKNOWNS * LANES;                                                           \
+            const stored *K = (const stored *)(inverse + b * (curved ? points : 1) * 9 * LANES);                        \
+            memset(A, 0, sizeof A);                                                                                     \
+            for (int64_t q = 0; q < points; q++) {                                                                      \
+                const double *N = shapes + q * NODES, *dN = slopes + 3 * q * NODES, *L = linear + q * CORNERS;          \
+                lanes g[NODES][3], C[STRAINS][STRAINS], s[STRAINS];                                                     \
+                if (curved && q > 0)                                                                                    \
+                    K += 9;                                                                                             \
+                memset(g, 0, sizeof g);                                                                                 \
+                for (int a = 0; a < NODES; a++)                                                                         \
+                    for (int k = 0; k < 3; k++)                                                                         \
+                        for (int j = 0; j < 3; j++)                                                                     \
+                            g[a][k] += dN[3 * a + j] * K[3 * j + k];                                                    \
+                for (int i = 0; i < STRAINS; i++)                                                                       \
+                    for (int j = i; j < STRAINS; j++, D++)                                                              \
+                        C[i][j] = C[j][i] = *D;                                                                         \
+                for (int a = 0; a < NODES; a++)                                                                         \
+                    for (int i = 0; i < 3; i++) {                                                                       \
+                        lanes *row = A[3 * a + i];                                                                      \
+                        for (int m = 0; m < STRAINS; m++) {                                                             \
+                            s[m] = g[a][0] * C[3 * i][m] + g[a][1] * C[3 * i + 1][m] + g[a][2] * C[3 * i + 2][m];       \
+                            if (VALUES)                                                                                 \
+                                s[m] += N[a] * C[9 + i][m];                                                             \
+                        }                                                                                               \
+                        for (int b = a; b < NODES; b++)                                                                 \
+                            for (int j = 0; j < 3; j++) {                                                               \
+                                row[3 * b + j] += g[b][0] * s[3 * j] + g[b][1] * s[3 * j + 1] + g[b][2] * s[3 * j + 2]; \
+                                if (VALUES)                                                                             \
+                                    row[3 * b + j] += N[b] * s[9 + j];                                                  \
+                            }                                                                                           \
+                        if (PRESSURE)                                                                                   \
+                            for (int b = 0; b < CORNERS; b++)                                                           \
+                                row[3 * NODES + b] += L[b] * s[STRAINS - 1];                                            \
+                    }                                                                                                   \
+                if (PRESSURE)                                                                                           \
+                    for (int a = 0; a < CORNERS; a++)                                                                   \
+                        for (int b = a; b < CORNERS; b++)                                                               \
+                            A[3 * NODES + a][3 * NODES + b] += L[a] * L[b] * C[STRAINS - 1][STRAINS - 1];               \
+            }                                                                                                           \
+            for (int l = 0; l < LANES && b * LANES + l < count; l++) {                                                  \
+                double entries[UNKNOWNS * UNKNOWNS];                                                                    \
+                int32_t at[UNKNOWNS];                                                                                   \
+                for (int i = 0; i < UNKNOWNS; i++) {                                                                    \
+                    at[i] = own[i * LANES + l];                                                                         \
+                    for (int j = i; j < UNKNOWNS; j++)                                                                  \
+                        entries[i * UNKNOWNS + j] = A[i][j][l];                                                         \
+                }                                                                                                       \
+                const int error = add(into, UNKNOWNS, at, held, entries);                                               \
+                if (error)                                                                                              \
+                    return error;                                                                                       \
+            }                                                                                                           \
+        }                                                                                                               \
+        return 0;                                                                                                       \
+    }
+
+MATRIX(matrix_of_gradients, 0, 0, 0)
+MATRIX(matrix_with_pressure, 1, 0, 1)
+MATRIX(matrix_with_values, 3, 1, 0)

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.c_library import library
+from softmodels.mechanics.c_library import Rows, library
 from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.second_derivatives import only_integral, second_derivatives
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     import ufl
-    from dolfinx import fem
-    from ufl.core.expr import Expr
+    from dolfinx import fem, mesh
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
@@ -32,13 +32,6 @@ AT_ONCE = 512
 FACES = np.array([(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)])
 """Corners of a reference tetrahedron's faces."""
 
-LABEL = 1_000_000
-"""Number of the first of two labels, above all that UFL gives out."""
-
-
-class NoModuliError(ValueError):
-    """An energy that the C code has no product for."""
-
 
 def known_cells(space: fem.FunctionSpace) -> bool:
     """Whether the C code knows the cells of a potential's space: tetrahedra, straight or with a node on each edge."""
@@ -48,6 +41,14 @@ def known_cells(space: fem.FunctionSpace) -> bool:
     return of.topology.cell_type == mesh.CellType.tetrahedron and of.geometry.cmaps[0].degree <= 2
 
 
+def cell_dofs(space: fem.FunctionSpace, mixed: bool) -> Ints:
+    """Unknowns of the cells: three of each node's displacement and, if mixed, p of each corner, shape (cells, 30 or 34)."""
+    vectors = space.sub(0) if mixed else space
+    parts = [np.array(vectors.sub(k).dofmap.list) for k in range(3)]
+    dofs = np.stack(parts, axis=2).reshape(len(parts[0]), 30)
+    return np.hstack([dofs, np.array(space.sub(1).dofmap.list)]) if mixed else dofs
+
+
 class Moduli:
     """Second derivative of an energy of a solid.
 
@@ -55,19 +56,20 @@ class Moduli:
         energy: Its form, with one integral.
         w: The unknowns in it, on `known_cells`.
         force: Its compiled derivative.
+        dofs: `cell_dofs`.
         mixed: Whether the last component of ``w`` is p.
 
     Raises:
         NoModuliError: The C code knows no such integral.
     """
 
-    def __init__(self, energy: ufl.Form, w: fem.Function, force: fem.Form, mixed: bool):
+    def __init__(self, energy: ufl.Form, w: fem.Function, force: fem.Form, dofs: Ints, mixed: bool):
         import basix
         from dolfinx import fem
         from ufl.algorithms import extract_coefficients
         from ufl.algorithms.analysis import extract_constants
 
-        integral = _only_integral(energy)
+        integral = only_integral(energy)
         on_faces = integral.integral_type() == "exterior_facet"
         second = second_derivatives(integral.integrand(), w, on_faces, mixed)
         cell = basix.CellType.triangle if on_faces else basix.CellType.tetrahedron
@@ -76,17 +78,36 @@ class Moduli:
         self._w, self._others = w, [c for c in extract_coefficients(second) if c != w]
         self._constants = extract_constants(second)
         self._mesh, self._known = w.function_space.mesh, np.empty(0)
-        compiled, space = force._cpp_object, w.function_space
+        compiled = force._cpp_object
         entities = np.array(compiled.domains(next(iter(compiled.integral_types)), 0), dtype=np.int32)
         c, rule = library(self._mesh.comm), (points, weights)
         if on_faces:
             pairs = entities.reshape(-1, 2)
-            self._blocks = [_Block(c, space, pairs, int(side), rule, False) for side in np.unique(pairs[:, 1])]
+            self._blocks = [
+                _Block(c, self._mesh, dofs, pairs, int(side), rule, False) for side in np.unique(pairs[:, 1])
+            ]
         else:
-            self._blocks = [_Block(c, space, entities.ravel(), None, rule, mixed)]
+            self._blocks = [_Block(c, self._mesh, dofs, entities.ravel(), None, rule, mixed)]
 
     def add_product(self, x: Array, y: Array) -> None:
         """Add its product at the current state to ``y``, both local dofs with ghosts; those of ghosts are for their owners."""
+        self._take()
+        for block in self._blocks:
+            block.add_product(x, y)
+
+    def add_to(self, rows: Rows, held: npt.NDArray[np.int8]) -> None:
+        """Add it at the current state to a matrix, which is not brought to its end.
+
+        Args:
+            rows: The matrix, with the pattern of the cells' dofs.
+            held: Local dofs whose rows and columns stay empty are 1.
+        """
+        self._take()
+        for block in self._blocks:
+            block.add_to(rows, held)
+
+    def _take(self) -> None:
+        """Compute the second derivatives, if the state is another."""
         fields = [field.x.array for field in (self._w, *self._others)]
         constants = [constant.value.ravel() for constant in self._constants]
         here = np.concatenate([self._mesh.geometry.x.ravel(), *fields, *constants])
@@ -94,8 +115,6 @@ class Moduli:
             for block in self._blocks:
                 block.take(self._expression)
             self._known = here
-        for block in self._blocks:
-            block.add_product(x, y)
 
 
 class _Block:
@@ -103,7 +122,8 @@ class _Block:
 
     Args:
         c: The C code.
-        space: Function space of the unknowns.
+        mesh: The mesh.
+        dofs: `cell_dofs`.
         entities: Local cells, or pairs of one and its side.
         side: Which of the sides; None for cells.
         rule: Points and weights of integration on the reference cell or triangle.
@@ -113,7 +133,8 @@ class _Block:
     def __init__(
         self,
         c: ModuleType,
-        space: fem.FunctionSpace,
+        mesh: mesh.Mesh,
+        dofs: Ints,
         entities: Ints,
         side: int | None,
         rule: tuple[Array, Array],
@@ -121,7 +142,7 @@ class _Block:
     ):
         import basix
 
-        self._mesh = space.mesh
+        self._mesh = mesh
         self._entities = entities if side is None else entities[entities[:, 1] == side]
         self._cells = self._entities if side is None else self._entities[:, 0]
         self._side, (points, self._rule) = side, rule
@@ -129,19 +150,15 @@ class _Block:
             reference = basix.geometry(basix.CellType.tetrahedron)[FACES[side]]
             points = reference[0] + points @ (reference[1:] - reference[0])
         self._points = points
-        parts = [np.array(_component(space, k).dofmap.list)[self._cells] for k in range(3)]
-        dofs = np.stack(parts, axis=2).reshape(len(self._cells), 30)
-        if pressure:
-            dofs = np.hstack([dofs, np.array(space.sub(1).dofmap.list)[self._cells]])
-        self._dofs = _side_by_side(dofs.astype(np.int32))
+        self._dofs = _side_by_side(dofs[self._cells, : 34 if pressure else 30])
         quadratic, linear = (_tabulated(degree, points) for degree in (2, 1))
         self._shapes, self._linear = np.ascontiguousarray(quadratic[0]), np.ascontiguousarray(linear[0])
         self._slopes = np.ascontiguousarray(quadratic[1:].transpose(1, 2, 0))
         strains = 12 if side is not None else 10 if pressure else 9
         self._moduli = np.empty((len(self._dofs), len(points), strains * (strains + 1) // 2, LANES))
         self._c = c
-        names = {9: "moduli_of_gradients", 10: "moduli_with_pressure", 12: "moduli_with_values"}
-        self._product = getattr(self._c.lib, names[strains])
+        name = {9: "of_gradients", 10: "with_pressure", 12: "with_values"}[strains]
+        self._product, self._matrix = (getattr(c.lib, f"{made}_{name}") for made in ("moduli", "matrix"))
         self._nodes = np.empty(0)
 
     def _measure(self) -> None:
@@ -199,6 +216,11 @@ class _Block:
         buffer = self._c.ffi.from_buffer
         self._product(*self._tables, buffer("double[]", x), buffer("double[]", y))
 
+    def add_to(self, rows: Rows, held: npt.NDArray[np.int8]) -> None:
+        """Add the second derivative itself to a matrix; see `Moduli.add_to`."""
+        held_c = self._c.ffi.from_buffer("int8_t[]", held)
+        rows.check(self._matrix(*self._tables, len(self._cells), held_c, rows.c))
+
 
 def _tabulated(degree: int, points: Array) -> Array:
     """Shape functions of a reference tetrahedron and their derivatives at points, shape (1 + 3, points, nodes)."""
@@ -208,74 +230,8 @@ def _tabulated(degree: int, points: Array) -> Array:
     return np.asarray(element.tabulate(1, points)[..., 0])
 
 
-def _component(space: fem.FunctionSpace, number: int) -> fem.FunctionSpace:
-    """Space of one of the displacement's components."""
-    return (space if space.dofmap.bs > 1 else space.sub(0)).sub(number)
-
-
 def _side_by_side[T: np.generic](rows: npt.NDArray[T]) -> npt.NDArray[T]:
     """Rows of entities, shape (n, k), with `LANES` of them as the last index: shape (n / LANES, k, LANES), filled up."""
     count = -(-len(rows) // LANES)
     filled = np.concatenate([rows, np.repeat(rows[-1:], count * LANES - len(rows), axis=0)])
     return np.ascontiguousarray(filled.reshape(count, LANES, rows.shape[1]).transpose(0, 2, 1))
-
-
-def _only_integral(energy: ufl.Form) -> ufl.Integral:
-    """The integral of an energy that has one, over cells or outer faces, by a rule of a stated degree."""
-    integrals = energy.integrals()
-    integral = integrals[0]
-    kinds, known = ("cell", "exterior_facet"), {"quadrature_degree"}
-    stated = set(integral.metadata()) == known and isinstance(integral.subdomain_id(), int | str)
-    if len(integrals) != 1 or integral.integral_type() not in kinds or not stated:
-        raise NoModuliError("several integrals, or an unusual one")
-    return integral
-
-
-def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bool) -> Expr:
-    """Second derivative of an energy density by what it has of the displacement and p, and behind it on faces the place.
-
-    Args:
-        density: Integrand over cells, or over faces.
-        w: The unknowns.
-        on_faces: Whether it is of the displacement itself too.
-        mixed: Whether the last component of ``w`` is p.
-
-    Raises:
-        NoModuliError: It has something else of the unknowns.
-
-    Returns:
-        A vector: the upper triangle, by rows.
-    """
-    import ufl
-    from ufl.algorithms import expand_derivatives, replace
-    from ufl.classes import Label, Variable
-
-    gradient = ufl.grad(w)
-    # Labels of one's own, the same in every run: they are part of a form's name in the cache of compiled ones.
-    H, W = (Variable(of, Label(LABEL + k)) for k, of in enumerate((gradient, w)))
-    density = replace(expand_derivatives(density), {gradient: H, w: W})
-    allowed = {0, 1, 2} if on_faces else {3} if mixed else set()
-    if not (_components(density, W) <= allowed and _components(density, H) <= {0, 1, 2}):
-        raise NoModuliError("what no solid has")
-    by: list[tuple[Expr, tuple[int, ...]]] = [(H, (i, j)) for i in range(3) for j in range(3)]
-    by += [(W, (i,)) for i in sorted(allowed)]
-    first = [(ufl.diff(density, variable)[at]) for variable, at in by]
-    second = [ufl.diff(first[k], variable)[at] for k in range(len(by)) for variable, at in by[k:]]
-    places = ufl.SpatialCoordinate(w.function_space.mesh)
-    return ufl.as_vector([*second, *([places[i] for i in range(3)] if on_faces else [])])
-
-
-def _components(density: Expr, variable: Expr) -> set[int]:
-    """Which of the unknowns' components a density has of the unknowns' or their gradients' variable."""
-    from ufl.classes import FixedIndex, Grad, Indexed
-    from ufl.corealg.traversal import unique_pre_traversal
-
-    found: set[int] = set()
-    for node in unique_pre_traversal(density):
-        if variable not in node.ufl_operands:
-            continue
-        if isinstance(node, Grad):
-            raise NoModuliError("second gradients")
-        first = node.ufl_operands[1][0] if isinstance(node, Indexed) else None
-        found |= {int(first)} if isinstance(first, FixedIndex) else set(range(variable.ufl_shape[0]))
-    return found

@@ -47,7 +47,17 @@ def assemble_into(
     constants, coefficients = fem.pack_constants(form), fem.pack_coefficients(form)
     cpp.fem.petsc.assemble_matrix(matrix, form._cpp_object, constants, coefficients, held)
     matrix.assemble(matrix.AssemblyType.FLUSH)
-    cpp.fem.petsc.insert_diagonal(matrix, form.function_spaces[0], held, diagonal)
+    put_diagonal(matrix, form.function_spaces[0], bcs, diagonal)
+
+
+def put_diagonal(
+    matrix: PETSc.Mat, space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC], diagonal: float = 1.0
+) -> None:
+    """Put a number on the diagonal of held dofs; between what is added up and this, the matrix is flushed."""
+    from dolfinx import cpp
+
+    of = getattr(space, "_cpp_object", space)
+    cpp.fem.petsc.insert_diagonal(matrix, of, [bc._cpp_object for bc in bcs], diagonal)
 
 
 def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
@@ -56,6 +66,18 @@ def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagon
     assemble_into(matrix, form, bcs, diagonal)
     matrix.assemble()
     return matrix
+
+
+def without_zeros(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The same matrix with no places for zeros, in the place of the one that is given, which is destroyed."""
+    from petsc4py import PETSc
+
+    starts, columns, values = matrix.getValuesCSR()
+    kept = np.flatnonzero(values)
+    csr = (np.searchsorted(kept, starts).astype(starts.dtype), columns[kept], values[kept])
+    made = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
+    matrix.destroy()
+    return made
 
 
 def length(x: PETSc.Vec) -> float:

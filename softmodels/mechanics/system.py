@@ -123,7 +123,7 @@ class System(Assembly):
         self.still_pressures = round(total(self.comm, sum(bc.dof_indices()[1] for bc in still)))
         self.bcs = [*conditions(self.body, self.vectors), *still]
         self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
-        self._whole: PETSc.Mat = matrix_of(self.space, self._tangent[: len(self.potential.regions)])
+        self._whole: PETSc.Mat = matrix_of(self.space, self._products.pattern)
         self.unknowns = unknowns_of(body, self.space, self.bcs, parts)
         self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
         self._vector = fem.Function(self.space)
@@ -139,7 +139,6 @@ class System(Assembly):
     def _compile(self) -> None:
         """Compile the forms. Every term of the potential has its own, added up when assembled: bodies share the law's."""
         import basix
-        import ufl
         from dolfinx import fem
 
         potential, form = self.potential, self.form
@@ -151,7 +150,6 @@ class System(Assembly):
         self._stored = [form(energy) for energy in potential.energies]
         self._internal = [form(force) for force in potential.internal]
         self._products = Products(potential, self._internal, [load for (load,) in self._loads], form)
-        self._tangent = [form(second) for second in potential.tangent(ufl.TrialFunction(self.space))]
         self.points, _ = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         strain = Strain(self.body.deformation_gradient(potential.displacement))
         self._J = fem.Expression(strain.J, self.points, jit_options=JIT)
