@@ -54,6 +54,7 @@ class Newton:
         self._of_stress, self._round = 0.0, rounding_of_stress(system)
         self._iterate = np.empty(0)
         self._most = bordered.inverse.most_newton
+        self._smallest: float | None = None  # volume ratio of the iterate, where it was a trial
         self._since: Array | None = None
         self._anchor: Array | None = None
         self._force: PETSc.Vec | None = None  # whose path from the anchor on is given
@@ -82,6 +83,7 @@ class Newton:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
         self.control, self._since = control, since
+        self._smallest = None
         self.bordered.recycled.forget()
         self._most = most or self.bordered.inverse.most_newton
         self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
@@ -164,16 +166,20 @@ class Newton:
         """Shorten Newton's step y (the next iterate is x - y) until nothing turns inside out or passes through a wall."""
         self.kept.count(self.snes.getKSP())
         self._take_iterate(x)
-        system, least = self.system, 0.1 * self.system.smallest_J()
+        system = self.system
+        least = 0.1 * (system.smallest_J() if self._smallest is None else self._smallest)
         before = system.w.x.array.copy()
         trial, factor = x.duplicate(), 1.0
         for _ in range(8):
             x.copy(trial)
             trial.axpy(-factor, y)
             self._take_iterate(trial)
-            if system.smallest_J() > least and system.potential.admits(before, system.w.x.array):
+            self._smallest = system.smallest_J()
+            if self._smallest > least and system.potential.admits(before, system.w.x.array):
                 break
             factor /= 2
+        else:
+            self._smallest = None  # the step that is taken is shorter than the last trial
         y.scale(factor)
         return factor < 1.0
 
