@@ -167,7 +167,8 @@ class Newton:
         self.kept.count(self.snes.getKSP())
         self._take_iterate(x)
         system = self.system
-        least = 0.1 * (system.smallest_J() if self._smallest is None else self._smallest)
+        known = None if system.assembled.remembers else self._smallest  # a line search may have taken a shorter step
+        least = 0.1 * (system.smallest_J() if known is None else known)
         before = system.w.x.array.copy()
         trial, factor = x.duplicate(), 1.0
         for _ in range(8):
