@@ -141,7 +141,7 @@ def test_bad_input_is_one_sentence_before_anything_is_run(asked, arguments, word
 @pytest.mark.parametrize("folder", ["taken", "taken/inside", "/proc/none", "/dev/null"])
 def test_a_folder_that_cannot_be_written_is_refused(folder, says, tmp_path):
     (tmp_path / "taken").write_text("a file")
-    status, out, err = says(command, ["--pressure-cm=0:177", "--output", folder])
+    status, out, err = says(command, ["--pressure-cm=0:177", "--ranks=1", "--output", folder])
     assert status == 2 and out == "" and err.count("\n") == 1
     assert folder in err and "cannot be written" in err
     assert (tmp_path / "taken").read_text() == "a file" and len(list(tmp_path.iterdir())) == 1
