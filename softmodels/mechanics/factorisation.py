@@ -37,10 +37,6 @@ SOFTEST = 3
 """Steps of inverse iteration towards the softest motions."""
 TRUSTED = 3e-2
 """Error in them, in shares of the answer, up to which single precision is enough. An eigenvalue's sign is wrong from 1 on."""
-COMPRESSED = 1e-5
-"""What blocks of factors in single precision may lose where they are stored as products of narrower ones (Amestoy, Buttari,
-L'Excellent, Mary 2019, doi 10.1145/3242094): of 58,496 unknowns the factorisation and a back-substitution take 0.8 of their
-time, and GMRES takes as many iterations; of 12,253 nothing is compressed."""
 PREFIX = "body_"
 PRECISION = "pc_precision"
 """PETSc's option; where MUMPS has no single precision it is not read."""
@@ -68,7 +64,7 @@ class Factorisation(Inverse):
         """Make what factorises K, with the pattern it has, in single or double precision."""
         self.rounded, self._entries = rounded, entries_in_all(self.K)
         with _precision(rounded):
-            self._direct = _mumps(self.K, compressed=rounded)
+            self._direct = _mumps(self.K)
 
     def _factorise(self, rounded: bool) -> None:
         """Factorise K as it is now.
@@ -176,7 +172,7 @@ def _precision(rounded: bool) -> Iterator[None]:
         options.delValue(PRECISION)
 
 
-def _mumps(K: PETSc.Mat, compressed: bool = False) -> PETSc.PC:
+def _mumps(K: PETSc.Mat) -> PETSc.PC:
     """PETSc's LDL^T by MUMPS, not yet set up."""
     from petsc4py import PETSc
 
@@ -189,8 +185,5 @@ def _mumps(K: PETSc.Mat, compressed: bool = False) -> PETSc.PC:
     factor = direct.getFactorMatrix()
     factor.setOptionsPrefix(PREFIX)  # PETSc itself does so only when it factorises, after it has read the precision
     factor.setMumpsIcntl(13, 1)  # the last front too counts its negative pivots, on all ranks
-    if compressed:
-        factor.setMumpsIcntl(35, 2)
-        factor.setMumpsCntl(7, COMPRESSED)
     direct.setFromOptions()
     return direct
