@@ -50,8 +50,7 @@ class Recycled:
         """Forget all: another state follows, or another preconditioner."""
         self.state: Array | None = None
         self._pairs: list[tuple[Array, Array]] = []
-        # In single precision: they are a part of a preconditioner, and every iteration reads them.
-        self._answers = self._directions = np.empty((0, 0), dtype=np.float32)
+        self._answers = self._directions = np.empty((0, 0))
 
     def note(self, direction: Array, answer: Array) -> None:
         """Keep a direction and its product with the matrix, owned entries."""
@@ -64,15 +63,14 @@ class Recycled:
         directions, answers = (np.array(rows) for rows in zip(*self._pairs, strict=True))
         products = summed(self._comm, answers @ answers.T)
         shares = on_root(self._comm, lambda: _orthonormal(products))  # the same choice on all ranks
-        self._answers, self._directions = ((shares @ rows).astype(np.float32) for rows in (answers, directions))
+        self._answers, self._directions = shares @ answers, shares @ directions
 
     def take_out(self, r: Array) -> tuple[Array, Array | None]:
-        """What is left of a right side of about unit length, and the answer to the rest of it if anything is known."""
+        """What is left of a right side, and the answer to the rest of it if anything is known."""
         if not len(self._answers):
             return r, None
-        shares = summed(self._comm, (self._answers @ r.astype(np.float32)).astype(np.float64))
-        shares = shares.astype(np.float32)
-        return r - shares @ self._answers, (shares @ self._directions).astype(np.float64)
+        shares = summed(self._comm, self._answers @ r)
+        return r - shares @ self._answers, shares @ self._directions
 
 
 def _orthonormal(products: Array) -> Array:
