@@ -32,7 +32,7 @@ PLACES = {
     ),
     "export": Place(
         "softmodels.cli.export", "command",
-        "Write the case FILE for another program: the same mesh, silicones, supports and loads.",
+        "Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.",
     ),
     "fit": Place(
         "softmodels.cli.fit_command", "fit_material",

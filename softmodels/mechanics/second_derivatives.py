@@ -55,6 +55,7 @@ def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bo
     # Labels of one's own, the same in every run: they are part of a form's name in the cache of compiled ones.
     H, W = (Variable(of, Label(LABEL + k)) for k, of in enumerate((gradient, w)))
     density = replace(expand_derivatives(density), {gradient: H, w: W})
+    _let_go()
     allowed = {0, 1, 2} if on_faces else {3} if mixed else set()
     if not (_components(density, W) <= allowed and _components(density, H) <= {0, 1, 2}):
         raise NoModuliError("what no solid has")
@@ -65,6 +66,18 @@ def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bo
     second = [twice[a][b][(*i, *j)] for k, (a, i) in enumerate(at) for b, j in at[k:]]
     places = ufl.SpatialCoordinate(w.function_space.mesh)
     return ufl.as_vector([*second, *([places[i] for i in range(3)] if on_faces else [])])
+
+
+def _let_go() -> None:
+    """Empty what functools keeps of UFL's traversers from Python 3.13 on: each would hold its expression and mesh for good."""
+    from ufl.corealg.dag_traverser import DAGTraverser
+
+    kinds: list[type] = [DAGTraverser]
+    for kind in kinds:  # grows by those that are derived from each
+        kinds += kind.__subclasses__()
+        kept = getattr(vars(kind).get("process"), "_method_cache", None)
+        if kept is not None:
+            kept.clear()
 
 
 def _components(density: Expr, variable: Expr) -> set[int]:

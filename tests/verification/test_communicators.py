@@ -31,8 +31,8 @@ def _free():
     return free
 
 
-def _inflate(file, k):
-    disk = HollowDisk(section="axisymmetric", membrane=2e-3 + 1e-5 * k)
+def _inflate(file, k, section):
+    disk = HollowDisk(section=section, angle=15.0, cell_size=0.006, membrane=2e-3 + 1e-5 * k)
     disk.write(file)
     equilibrium = Solver(System(Body.from_file(disk, file, MPI.COMM_SELF), Yeoh(14e3, 60.0)))
     fields = Fields(equilibrium)
@@ -40,11 +40,12 @@ def _inflate(file, k):
 
 
 @pytest.mark.skipif("MPICH" not in MPI.Get_library_version(), reason="other MPI libraries have no such limit")
-def test_devices_that_are_merely_dropped_give_back_their_communicators(tmp_path):
-    _inflate(tmp_path / "disk.msh", 0)  # what the first one keeps is kept once
+@pytest.mark.parametrize("section", ["axisymmetric", "wedge"])
+def test_devices_that_are_merely_dropped_give_back_their_communicators(section, tmp_path):
+    _inflate(tmp_path / "disk.msh", 0, section)  # what the first one keeps is kept once
     gc.collect()
     before = _free()
     for k in range(DEVICES):
-        assert _inflate(tmp_path / "disk.msh", k)[-1] > 0
+        assert _inflate(tmp_path / "disk.msh", k, section)[-1] > 0
         gc.collect()
     assert _free() == before
