@@ -353,9 +353,9 @@ BALL = sm.RigidShape("sphere", "bottom", (0.012, 0.0, -0.007), 0.005, name="ball
         (
             {"parts": (dataclasses.replace(BALL, shape="capsule", length=0.01),)},
             "x.inp",
-            "'capsule', where springs know sphere and cylinder and planes",
+            "'capsule', where springs know sphere, cylinder, plane",
         ),
-        ({"parts": (PLATE, BALL)}, "x.inp", "ball acts on nodes of the rigid part plate"),
+        ({"parts": (PLATE, WEIGHT, BALL)}, "x.inp", "ball acts on nodes of the rigid part plate"),
     ],
 )
 def test_what_decks_cannot_say_of_parts(tmp_path, changes, file, words):

@@ -178,7 +178,7 @@ class DeviceModel:
         if goals[0] <= hangs:
             raise CannotEvaluate("an added volume is not above that at which the device hangs")
         try:
-            return [point.state for point in trace(path, [goal - hangs for goal in goals]) if point.requested]
+            return [point.state for point in trace(path, goals) if point.requested]
         except (PathEnd, NoConvergence) as end:
             raise CannotEvaluate(f"no equilibrium at an added {quantity} that was measured: {end}") from None
 
