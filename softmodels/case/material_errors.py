@@ -109,7 +109,8 @@ def _whole(path: Path, fitted: Material) -> Found | None:
     """
     try:
         laws = json.loads(path.with_name("fit.json").read_text(encoding="utf-8"))["laws"]
-        same = (one for one in laws if material_table.from_table(one["material"]) == fitted)
+        told = [one for one in laws if "material" in one]
+        same = (one for one in told if material_table.from_table(one["material"]) == fitted)
         one = next(same, None) or next(one for one in laws if one["law"] == fitted.name)
         covariance = np.array(one["covariance"], dtype=float)
         names = tuple(map(str, one["free"]))
