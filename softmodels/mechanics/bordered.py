@@ -24,7 +24,6 @@ from softmodels.mechanics.controls import Control, pressure_control
 from softmodels.mechanics.inverse import Inverse
 from softmodels.mechanics.mpi import owns_scalars, scalars_from_owner
 from softmodels.mechanics.petsc_matrices import length
-from softmodels.mechanics.recycling import Recycled
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -71,7 +70,6 @@ class Bordered:
         self.row: PETSc.Vec | None = (
             None  # a force in q's place in the control's equation, where that is not of the volume
         )
-        self.recycled = Recycled(self.comm)
         self.compliances = np.zeros((self.scalars, self.scalars))
         self.factorisations = 0
         self.shell = Shell(self.mult, self.apply)
@@ -136,7 +134,6 @@ class Bordered:
             MemoryError: On all ranks, if one has not enough.
         """
         self.inverse.set_up()
-        self.recycled.forget()
         self.factorisations += 1
         self._lift(0)
 
@@ -211,11 +208,10 @@ class Bordered:
         return self.inverse.negative_pivots() - int(np.count_nonzero(constrained < 0))
 
     def refresh(self) -> None:
-        """Take up what the solves before have left, and new columns: K^-1 times each, and the compliances between them.
+        """Take up new columns: K^-1 times each with the factorisation at hand, and the compliances between them.
 
         The first column is a part of a preconditioner alone: where it has hardly changed, the answer to it is kept.
         """
-        self.recycled.take_up()
         self.q.copy(self._y)
         self._y.axpy(-1.0, self._q_lifted)
         self._lift(0 if length(self._y) > ALIKE * length(self.q) else 1)
@@ -239,13 +235,10 @@ class Bordered:
         a, b = self.control.volume_coefficient, self.control.pressure_coefficient
         gap = a * (self.row or self.q).dot(self._r) + b * pressures[0]
         self.join(y, self._y.array_r, [gap, *(column.dot(self._r) for column in self.constraint_columns)])
-        if self.inverse.exact:  # a cycle of multigrid is for what leaves no memory to keep them
-            self.recycled.note(x.array_r, y.array_r)
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        left, known = self.recycled.take_out(x.array_r)
-        self._r.array_w[:] = left[: self.n]
-        gaps = scalars_from_owner(self.comm, left[self.n :])
+        body, gaps = self.split(x)
+        self._r.array_w[:] = body
         self.inverse.apply(self._r, self._y)
         a, rows = self.control.volume_coefficient, [self.row or self.q, *self.constraint_columns]
         matrix = self.compliances.copy()
@@ -260,5 +253,3 @@ class Bordered:
         for pressure, lifted in zip(pressures, self._lifted, strict=True):
             self._y.axpy(pressure, lifted)
         self.join(y, self._y.array_r, pressures)
-        if known is not None:
-            y.array_w[:] += known

@@ -84,7 +84,6 @@ class Newton:
         """
         self.control, self._since = control, since
         self._smallest = None
-        self.bordered.recycled.forget()
         self._most = most or self.bordered.inverse.most_newton
         self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
         self.system.assembled.whole = True

@@ -119,7 +119,7 @@ class Solver:
 
     def _state(self, scalars: Array) -> State:
         """The state that Newton's method has left in the functions."""
-        w = self.bordered.recycled.state = np.concatenate([self.system.w.x.array, scalars[1:]])
+        w = np.concatenate([self.system.w.x.array, scalars[1:]])
         return State(w, float(scalars[0]), self.system.volume(), self.newton.snes.getIterationNumber())
 
     def factorise(self, state: State) -> None:
@@ -175,7 +175,6 @@ class Solver:
     def _border(self, state: State, control: Control) -> None:
         """Set the border for linear answers at a state, the control's line held."""
         self.system.load(state)
-        self.bordered.recycled.belong_to(state.w)
         self.kept.set_columns()
         self.bordered.control = control
         if self.bordered.factorisations == 0:  # the guess was the state: Newton's method made no step
@@ -256,7 +255,6 @@ class Solver:
         """
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
-        bordered.recycled.belong_to(state.w)
         bordered.control = pressure_control(0.0)
         if bordered.constraint_columns:  # the held volumes' own: the border may be of another state
             self._border(state, bordered.control)
