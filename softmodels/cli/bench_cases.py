@@ -7,8 +7,17 @@ _MATERIAL = """
 silicone = "dragon-skin-10-medium"
 """
 
+_PLATE = """
+[rigid.plate]
+face = "plate"
+mass = "20 g"
+
+[gravity]
+direction = "-z"
+"""
+
 BENCH = {
-    "lifted.toml": """# a membrane in a clamp lifts a rigid plate of 20 g that is bonded on it
+    "lifted.toml": f"""# a membrane in a clamp lifts a rigid plate of 20 g that is bonded on it
 name = "lifted"
 
 [geometry]
@@ -17,14 +26,7 @@ radius = "20 mm"
 thickness = "1 mm"
 clamp_width = "5 mm"
 plate_radius = "8 mm"
-
-[rigid.plate]
-face = "plate"
-mass = "20 g"
-
-[gravity]
-direction = "-z"
-
+{_PLATE}
 [material]                      # or file = "results/fit/fitted.toml", of softmodels fit; --band takes its errors along
 silicone = "ecoflex-00-30"
 
@@ -38,14 +40,7 @@ name = "height"
 device = "Membrane"
 clamp_width = "5 mm"
 plate_radius = "8 mm"
-
-[rigid.plate]
-face = "plate"
-mass = "20 g"
-
-[gravity]
-direction = "-z"
-
+{_PLATE}
 [force.cell]
 face = "plate"
 direction = "z"
