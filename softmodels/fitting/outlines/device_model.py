@@ -171,10 +171,14 @@ class DeviceModel:
         self._asked = _Solved(dict(values), quantity, np.asarray(requested, dtype=float), states, {})
         return states
 
+    def begins(self, path: Continuation) -> float:
+        """Added volume at which a path begins, dimensionless: that of the hanging device."""
+        return path.start.V - self.rest_volume if path.start else 0.0
+
     def _followed(self, goals: Sequence[float], quantity: str) -> list[State]:
         """The states on one path from rest. Under volume control it passes limit points; pressures mean its first branch."""
         path = self.path(quantity)
-        hangs = path.start.V - self.rest_volume if path.start and quantity == "volume" else 0.0
+        hangs = self.begins(path) if quantity == "volume" else 0.0
         if goals[0] <= hangs:
             raise CannotEvaluate("an added volume is not above that at which the device hangs")
         try:

@@ -170,9 +170,8 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
     rises, volumes = list[float](), list[float]()
     highest = float(heights.max())
     path, why = model.path("volume"), ""
-    hangs = path.start.V - rest if path.start else 0.0
     try:
-        for point in trace(path, (hangs + goals).tolist()):
+        for point in trace(path, (model.begins(path) + goals).tolist()):
             rise = model.height(point.state)
             if not rises or rise > rises[-1]:
                 rises.append(rise)
