@@ -26,6 +26,7 @@ FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance
 ROUNDING = 1000.0  # tolerances at which a residual that falls no further is taken for rounding
 SAFE = 10.0  # times what rounding is foretold to leave
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
+LAST = 0.1  # of the one after which the residual is below Newton's tolerance
 TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
 
 
@@ -209,7 +210,8 @@ class Newton:
             return reasons.DIVERGED_DTOL
         # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
         forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
-        snes.getKSP().setTolerances(rtol=min(max(forcing, 0.3 * tolerance / residual), loosest))
+        last = min(0.3 * tolerance / residual, LAST if self._since is None else loosest)
+        snes.getKSP().setTolerances(rtol=max(min(forcing, loosest), last))
         self._before = residual
         return reasons.ITERATING
 

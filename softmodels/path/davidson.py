@@ -26,7 +26,7 @@ Array = npt.NDArray[np.float64]
 MOST_DIRECTIONS = 32
 """Size of the space at which it is cut back to the best modes."""
 MOST_SOLVES = 150
-"""Solves after which an eigenvalue counts as not found."""
+"""Solves after which an eigenvalue counts as not found, if no other number is given."""
 LOOSE, TIGHT = 1e-2, 1e-3
 """Tolerances of the solves: looser ones leave p that do not belong to their displacements, tighter ones gain nothing."""
 DEPENDENT = 1e-8
@@ -102,7 +102,7 @@ class Modes:
         return int(np.count_nonzero(self.values < 0.0))
 
 
-def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[float]) -> Modes:
+def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[float], most: int = MOST_SOLVES) -> Modes:
     """Eigenvalues nearest zero, and all negative ones.
 
     Args:
@@ -111,6 +111,7 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
         tolerances: Of the residual K^-1 (K x - lambda M x), length in the norm of M, for the lowest eigenvalue, the next,
             and so on; as many are looked for. An eigenvalue's error is about the residual's square. Infinite for one that
             is taken as the start's vectors have it.
+        most: Solves after which an eigenvalue counts as not found.
 
     Raises:
         NoConvergence: A residual did not fall below its tolerance.
@@ -119,7 +120,7 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
     for x in start:
         space.add(x.copy())
     first, found = len(space.x), list[float]()
-    for _ in range(MOST_SOLVES):
+    for _ in range(most):
         values, shares = np.linalg.eigh(space.K)
         chosen = _chosen(values, shares[:first], count)
         if len(space.x) > MOST_DIRECTIONS:

@@ -28,11 +28,6 @@ ROUNDING = 1e-12
 """Share of the largest nu below which one is zero: it belongs to the null space of M."""
 MOST_STEPS = 150
 """Back-substitutions after which an eigenvalue counts as not found."""
-SETTLED = 2e-10
-"""Change of an eigenvalue in half a step of inverse iteration, in shares of it, at which it is found. Its error is then
-r / (1 - r) of that, with r the ratio of the lowest eigenvalue to the next."""
-MOST_POLISHES = 3
-"""Such steps; where they would not be enough, Lanczos' method takes fewer."""
 
 
 def lowest(
@@ -90,39 +85,6 @@ def lowest(
                 return 1 / float(values[chosen]), found
         beside.append(length)
     raise NoConvergence(f"the lowest eigenvalue was not found in {len(basis)} steps")
-
-
-def polished(solve: Solve, M: PETSc.Mat, x: PETSc.Vec) -> float:
-    """The eigenvalue nearest zero from a good guess of its vector, by inverse iteration; ``x`` is made its vector.
-
-    Rayleigh's quotient of K^-1, before and after each step, is held against the other: its error is quadratic in the vector's.
-
-    Args:
-        solve: See `lowest`.
-        M: PETSc matrix.
-        x: The guess.
-
-    Raises:
-        NoConvergence: The guess was none.
-    """
-    y, image = M.createVecRight(), M.createVecLeft()
-    M.mult(x, image)
-    size, last = x.dot(image), 0.0
-    for left in reversed(range(MOST_POLISHES)):
-        solve(image, y)
-        along = y.dot(image)
-        M.mult(y, image)
-        before, size = size / along, y.dot(image)
-        value = along / size
-        change = abs(value / before - 1.0)
-        if change <= SETTLED:
-            y.copy(x)
-            x.scale(size**-0.5)
-            return float(value)
-        if last and not change * (change / last) ** left <= SETTLED:
-            break
-        last = change
-    raise NoConvergence("inverse iteration would take many steps to the lowest eigenvalue")
 
 
 def grown(square: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -15,7 +15,7 @@ from softmodels.mechanics.region_space import entries_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.davidson import Modes, Pencil, nearest
-from softmodels.path.lanczos import generalised, grown, lowest, polished
+from softmodels.path.lanczos import generalised, grown, lowest
 from softmodels.path.modes import ShiftInvert
 
 if TYPE_CHECKING:
@@ -23,14 +23,17 @@ if TYPE_CHECKING:
 
 BLOCK = 4
 """Modes of the last factorised point from which the lowest eigenvalue of a point without factorisation is found."""
-MOST_CORRECTIONS, CLOSE = 6, 5e-3
-"""Corrections of that mode, and the residual (in shares of the eigenvalue) at which it is good enough: the eigenvalue's own
-error is about its square. A mode that does not get there in as many has the point factorised."""
+MOST_CORRECTIONS, CLOSE = 6, 1e-2
+"""Corrections of that mode, and the residual (in shares of the eigenvalue) whose correction is the last: the eigenvalue's own
+error is below its square then. A mode that does not get there in as many has the point factorised."""
 EIGENVALUE = 1e-10
 """What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer, for the lowest
 eigenvalue where K was factorised. Corrections of its mode elsewhere are not refined: they are directions to search in."""
-ROUGH = 1e-3
-"""Residual to which it is looked for in single precision alone, before it is refined."""
+ROUGH, REFINED = 1e-3, 3e-6
+"""Residuals to which it is looked for in single precision alone, and then refined by corrections of its mode: the eigenvalue's
+own error is about the square of the second."""
+MOST_REFINEMENTS = 30
+"""Such corrections; where they are not enough, Lanczos' method is with refined back-substitutions from the start."""
 LOWEST, OTHERS, LOCATED = 1e-3, 5e-2, 1e-5
 """Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
 of all where a bifurcation is located."""
@@ -108,12 +111,30 @@ class Factorised(Spectrum):
         def solve(b: PETSc.Vec, x: PETSc.Vec) -> None:
             bordered.solve(b, x, EIGENVALUE)
 
-        # The lowest is the one nearest zero there, and inverse iteration leads from a rough search to it.
-        if bordered.inverse.rounded and not negatives:
+        if bordered.inverse.rounded:
             with contextlib.suppress(NoConvergence):
-                _, found = lowest(bordered.solve_roughly, self.M, self.seed, 0, BLOCK, ROUGH)
-                return polished(solve, self.M, found[0]), found
+                return self._refined(negatives)
         return lowest(solve, self.M, self.seed, negatives, BLOCK)
+
+    def _refined(self, negatives: int) -> tuple[float, list[PETSc.Vec]]:
+        """`lowest` from a search in single precision, whose modes are then corrected by their residuals in double precision.
+
+        A correction takes one back-substitution, where a refined one of Lanczos' method takes two or three.
+        """
+        bordered = self.solver.bordered
+
+        def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
+            if bordered.constraint_columns:  # pressures that hold volumes are large beside a small residual
+                bordered.solve(b, x, EIGENVALUE)
+            else:
+                bordered.solve_roughly(b, x)
+
+        _, start = lowest(bordered.solve_roughly, self.M, self.seed, negatives, BLOCK, ROUGH)
+        tolerances = [REFINED, *[math.inf] * (len(start) - 1)]
+        found = nearest(Pencil(bordered.K.mult, self.M, solve), start, tolerances, MOST_REFINEMENTS)
+        if found.negative != negatives:
+            raise NoConvergence("the modes in single precision are other ones")
+        return float(found.values[0]), found.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         """See `Spectrum.corrected`.
@@ -126,9 +147,9 @@ class Factorised(Spectrum):
         basis: list[PETSc.Vec] = []
         products: list[PETSc.Vec] = []
         images: list[PETSc.Vec] = []
-        new, before = list(modes), np.empty(0)
+        new, before, close = list(modes), np.empty(0), False
         A = C = np.empty((0, 0))
-        for _ in range(MOST_CORRECTIONS):
+        for left in reversed(range(MOST_CORRECTIONS + 1)):
             for x in new:
                 Kx, Mx = M.createVecLeft(), M.createVecLeft()
                 eq.tangent_product(x.array_r, Kx.array_w)
@@ -140,6 +161,10 @@ class Factorised(Spectrum):
             likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
             chosen = int(np.argmax(likeness))
             value, before = float(values[chosen]), vectors[:, chosen]
+            if close:
+                return value
+            if not left:
+                break
             shares = [float(share) for share in before]
             residual, correction = M.createVecLeft(), M.createVecRight()
             residual.maxpy(shares, products)
@@ -147,11 +172,10 @@ class Factorised(Spectrum):
             self.solver.bordered.solve_roughly(residual, correction)
             M.mult(correction, residual)
             size = max(correction.dot(residual), 0.0) ** 0.5
-            if size <= CLOSE:
-                return value
-            if not math.isfinite(size):
+            if not math.isfinite(size) or size == 0.0:
                 break
             correction.scale(1 / size)
+            close = size <= CLOSE
             new = [correction]
         raise NoConvergence("the lowest mode changes too much without a factorisation")
 

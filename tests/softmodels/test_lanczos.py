@@ -7,7 +7,8 @@ import pytest
 import scipy
 
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.lanczos import generalised, lowest, polished
+from softmodels.path.davidson import Pencil, nearest
+from softmodels.path.lanczos import generalised, lowest
 
 
 @pytest.mark.parametrize("size", [1, 2, 7])
@@ -23,7 +24,7 @@ def test_a_pair_of_matrices_has_the_values_of_another_library(size):
 
 @pytest.fixture
 def pencil(comm):
-    """K with known eigenvalues and vectors, M = 1, and K^-1 with a relative error in what it answers."""
+    """K^-1 with a relative error in what it answers, K with known eigenvalues and vectors, and M = 1."""
     from petsc4py import PETSc
 
     chance = np.random.default_rng(3)
@@ -35,32 +36,34 @@ def pencil(comm):
         rough = np.eye(6) + error * (noise + noise.T) / np.linalg.norm(noise + noise.T, 2)
         A = Q @ np.diag(values**-0.5) @ rough @ np.diag(values**-0.5) @ Q.T
 
-        def solve(b, x):
+        def solve(b, x, tolerance=0.0):
             x.array_w[:] = A @ b.array_r
 
         return solve
 
-    M = PETSc.Mat().createAIJ(6, nnz=1, comm=PETSc.COMM_SELF)
-    for k in range(6):
-        M[k, k] = 1.0
-    M.assemble()
+    K, M = (
+        PETSc.Mat().createDense((6, 6), array=matrix, comm=PETSc.COMM_SELF)
+        for matrix in (Q @ np.diag(values) @ Q.T, np.eye(6))
+    )
     start = M.createVecRight()
     start.set(1.0)
-    return inverse, M, start, Q, values
+    return inverse, K, M, start, Q, values
 
 
 @pytest.mark.parametrize("error", [1e-6, 1e-4, 1e-3])
-def test_a_rough_inverse_and_a_few_good_ones_find_the_lowest_to_1e_9(pencil, error):
-    inverse, M, start, Q, values = pencil
-    rough, (x, *_) = lowest(inverse(error), M, start, 0, 2, 1e-3)
+def test_corrections_by_a_rough_inverse_find_the_lowest_to_1e_9(pencil, error):
+    inverse, K, M, start, Q, values = pencil
+    rough, found = lowest(inverse(error), M, start, 0, 2, 1e-3)
     if error > 1e-5:
         assert rough != pytest.approx(values[0], rel=1e-7)  # by itself it is not good enough
-    assert polished(inverse(0.0), M, x) == pytest.approx(values[0], rel=1e-9)
-    assert abs(x.array_r @ Q[:, 0]) == pytest.approx(1.0, rel=1e-6)
+    corrected = nearest(Pencil(K.mult, M, inverse(error)), found, [1e-5, np.inf], most=4)
+    assert corrected.values[0] == pytest.approx(values[0], rel=1e-9)
+    assert abs(corrected.vectors[0].array_r @ Q[:, 0]) == pytest.approx(1.0, rel=1e-9)
 
 
-def test_what_is_no_mode_is_not_polished_into_one(pencil):
-    inverse, M, start, Q, _ = pencil
+def test_what_is_no_mode_takes_more_corrections_than_it_is_given(pencil):
+    inverse, K, M, start, Q, values = pencil
     start.array_w[:] = Q[:, 5] + 1e-3 * Q[:, 4] + 1e-9 * Q[:, 0]
-    with pytest.raises(NoConvergence, match="many steps"):
-        polished(inverse(0.0), M, start)
+    with pytest.raises(NoConvergence, match="not found"):
+        nearest(Pencil(K.mult, M, inverse(0.0)), [start], [1e-5], most=3)
+    assert nearest(Pencil(K.mult, M, inverse(1e-4)), [start], [1e-5]).values[0] == pytest.approx(values[0], rel=1e-9)
