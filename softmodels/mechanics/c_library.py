@@ -1,14 +1,18 @@
 """Functions written in C for what is computed most often, compiled at the first run into the cache of the equations.
 
 By the compiler and with the words for it that the equations' own code is compiled with; see `softmodels.mechanics.compiling`.
+Where a core is free, that goes on in a process of its own while the mesh is made: ``python -m`` this module, and its place.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import hashlib
 import importlib.util
+import subprocess
+import sys
 import sysconfig
 import tempfile
 from pathlib import Path
@@ -17,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from measurement.cores import cores
 from softmodels.mechanics.compiler_flags import compiler_flags
 from softmodels.mechanics.compiling import cache
 from softmodels.mechanics.mpi import on_root
@@ -37,6 +42,20 @@ FAST = "-O3"
 """These few functions may take longer to compile than equations."""
 
 
+_aside: list[subprocess.Popen[bytes]] = []
+"""The process that compiles, once `begin` has started one."""
+
+
+def begin() -> None:
+    """Start to compile in a process of its own, where that has not been done and a core is free; `library` waits for it."""
+    place = _place(_words())
+    if not (_aside or place.exists() or cores() < 2):
+        command = [sys.executable, "-m", __name__, str(place)]
+        nothing = subprocess.DEVNULL
+        with contextlib.suppress(OSError):
+            _aside.append(subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing))
+
+
 def library(comm: MPI.Comm) -> ModuleType:
     """The compiled functions, and cffi's way to pass arrays to them: a module with ``lib`` and ``ffi``.
 
@@ -47,11 +66,18 @@ def library(comm: MPI.Comm) -> ModuleType:
         OSError: The cache cannot be used.
         cffi.VerificationError: The compiler failed.
     """
-    words = [*compiler_flags(), FAST]
+    words = _words()
     place = _place(words)
-    name = place.name.partition(".")[0]
-    on_root(comm, lambda: None if place.exists() else _compile(name, words, place))
-    return _loaded(name, place)
+    on_root(comm, lambda: _see_to(words, place))
+    return _loaded(_name(place), place)
+
+
+def _see_to(words: list[str], place: Path) -> None:
+    """Have the module in its place."""
+    for process in _aside:
+        process.wait()
+    if not place.exists():  # whatever went wrong there goes wrong again, and is reported
+        _compile(words, place)
 
 
 class Rows:
@@ -90,6 +116,14 @@ class Rows:
             raise PETSc.Error(error)
 
 
+def _words() -> list[str]:
+    return [*compiler_flags(), FAST]
+
+
+def _name(place: Path) -> str:
+    return place.name.partition(".")[0]
+
+
 def _place(words: list[str]) -> Path:
     """Where the module is; its name tells what it was compiled from, and how."""
     of = hashlib.sha1(repr((SOURCE.read_text(), DECLARED, words)).encode()).hexdigest()
@@ -105,13 +139,17 @@ def _loaded(name: str, place: Path) -> ModuleType:
     return module
 
 
-def _compile(name: str, words: list[str], place: Path) -> None:
+def _compile(words: list[str], place: Path) -> None:
     """Compile aside and put the module in its place at once: another run may do the same, and either may be killed."""
     import cffi  # type: ignore[import-untyped]
 
     place.parent.mkdir(parents=True, exist_ok=True)
     made = cffi.FFI()
     made.cdef(DECLARED)
-    made.set_source(name, SOURCE.read_text(), extra_compile_args=words)
+    made.set_source(_name(place), SOURCE.read_text(), extra_compile_args=words)
     with tempfile.TemporaryDirectory(dir=place.parent) as folder:
         Path(made.compile(tmpdir=folder)).replace(place)
+
+
+if __name__ == "__main__":
+    _compile(_words(), Path(sys.argv[1]))

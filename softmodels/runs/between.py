@@ -16,8 +16,9 @@ from softmodels.mechanics.mpi import on_root, start
 from softmodels.results.outcomes import RunError
 from softmodels.results.resume import recall, stored_point
 from softmodels.runs.failures import sentences
-from softmodels.runs.simulation import Simulation, temporary_folder
+from softmodels.runs.simulation import Simulation
 from softmodels.runs.states import InMemory, SolvedState, Source, state_of
+from softmodels.runs.temporary_folder import temporary_folder
 
 if TYPE_CHECKING:
     from softmodels.path.points import Point

@@ -18,9 +18,10 @@ from softmodels.runs.folder import begin_together
 from softmodels.runs.gathering import gather, not_gathered
 from softmodels.runs.recording import no_branch, record
 from softmodels.runs.run import Ended, Run
-from softmodels.runs.simulation import Simulation, temporary_folder
+from softmodels.runs.simulation import Simulation
 from softmodels.runs.states import InFolder, InMemory
 from softmodels.runs.step import PathEnded
+from softmodels.runs.temporary_folder import temporary_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI

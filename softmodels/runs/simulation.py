@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -81,8 +78,12 @@ class Simulation:
             RunError: It was stopped meanwhile.
             GeometryError, MeshingError, OSError: See `Actuator.write`.
         """
+        from softmodels.mechanics import c_library
+
         device = self.case.actuator
         self.listener.say(kept_meshes.told(device))
+        if device.dimension == 3 and self.comm.rank == 0:
+            c_library.begin()
         try:
             on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
@@ -280,17 +281,6 @@ class Simulation:
         band = self._band.cells(point) if self._band else {}
         row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, whole or {}, number, come, band)))
         return Step(row, whole, restart_of(point))
-
-
-@contextlib.contextmanager
-def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
-    """A folder for a while, the same on all ranks."""
-    path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
-    try:
-        yield path
-    finally:
-        if is_root(comm):
-            shutil.rmtree(path, ignore_errors=True)
 
 
 def _own_words() -> bool:
