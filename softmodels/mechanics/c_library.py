@@ -25,32 +25,48 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
-SOURCE = Path(__file__).with_name("moduli.c")
 _TABLES = f"int64_t, int64_t, int64_t, const int32_t *{', const double *' * 5}"
 _ROWS = "typedef struct { void *matrix, *set; const int32_t *starts, *columns; double *values; } rows;"
-DECLARED = f"{_ROWS} void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
+_MODULI = f"{_ROWS} void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
     f"void moduli_{of}({_TABLES}, const double *, double *);"
     f"int matrix_{of}({_TABLES}, int64_t, const int8_t *, const rows *);"
     for of in ("of_gradients", "with_pressure", "with_values")
 )
+_LEVEL = "int64_t, const int32_t *, const int32_t *, const float *, const double *, const double *"
+_MULTIGRID = """
+typedef struct { const int32_t *starts, *columns; const double *values; const int32_t *places; } part;
+int64_t level_pattern(int64_t, int, const int32_t *, const part *, int32_t *, int32_t *, int32_t *);
+void level_take(int64_t, int, const int32_t *, const part *, const int32_t *, const int32_t *, int32_t *, float *, double *);
+void level_restrict(int64_t, int, const int32_t *, const double *, double *);
+void level_prolong(int64_t, int, const int32_t *, const double *, double *);
+int level_galerkin(int64_t, int, const int32_t *, const int32_t *, const int32_t *, const int8_t *, const part *,
+    const int32_t *, const int32_t *, int32_t *, int32_t *, int32_t *, double *, double *, void *, void *);
+""" + "".join(
+    f"void level_residual_{d}({_LEVEL}, double *);"
+    f"void level_step_{d}({_LEVEL}, const double *, double, double, double *);"
+    for d in (2, 3)
+)
+DECLARED = {"moduli": _MODULI, "multigrid": _MULTIGRID}
+"""Functions of each source."""
 FAST = "-O3"
 """These few functions may take longer to compile than equations."""
 
 
-def library(comm: MPI.Comm) -> ModuleType:
+def library(comm: MPI.Comm, source: str) -> ModuleType:
     """The compiled functions, and cffi's way to pass arrays to them: a module with ``lib`` and ``ffi``.
 
     Args:
         comm: One of its ranks compiles, where that has not been done.
+        source: Which of them, one of `DECLARED`.
 
     Raises:
         OSError: The cache cannot be used.
         cffi.VerificationError: The compiler failed.
     """
     words = [*compiler_flags(), FAST]
-    place = _place(words)
+    place = _place(source, words)
     name = place.name.partition(".")[0]
-    on_root(comm, lambda: None if place.exists() else _compile(name, words, place))
+    on_root(comm, lambda: None if place.exists() else _compile(source, name, words, place))
     return _loaded(name, place)
 
 
@@ -67,7 +83,7 @@ class Rows:
     def __init__(self, matrix: PETSc.Mat):
         from petsc4py import PETSc
 
-        self._ffi = library(matrix.comm.tompi4py()).ffi
+        self._ffi = library(matrix.comm.tompi4py(), "moduli").ffi
         petsc, self._matrix = ctypes.CDLL(PETSc.__file__), matrix
         self.c = self._ffi.new("rows *")
         self.c.matrix = self._ffi.cast("void *", matrix.handle)
@@ -90,9 +106,13 @@ class Rows:
             raise PETSc.Error(error)
 
 
-def _place(words: list[str]) -> Path:
+def _text(source: str) -> str:
+    return Path(__file__).with_name(f"{source}.c").read_text()
+
+
+def _place(source: str, words: list[str]) -> Path:
     """Where the module is; its name tells what it was compiled from, and how."""
-    of = hashlib.sha1(repr((SOURCE.read_text(), DECLARED, words)).encode()).hexdigest()
+    of = hashlib.sha1(repr((_text(source), DECLARED[source], words)).encode()).hexdigest()
     return cache() / f"softmodels_{of}{sysconfig.get_config_var('EXT_SUFFIX')}"
 
 
@@ -105,13 +125,13 @@ def _loaded(name: str, place: Path) -> ModuleType:
     return module
 
 
-def _compile(name: str, words: list[str], place: Path) -> None:
+def _compile(source: str, name: str, words: list[str], place: Path) -> None:
     """Compile aside and put the module in its place at once: another run may do the same, and either may be killed."""
     import cffi  # type: ignore[import-untyped]
 
     place.parent.mkdir(parents=True, exist_ok=True)
     made = cffi.FFI()
-    made.cdef(DECLARED)
-    made.set_source(name, SOURCE.read_text(), extra_compile_args=words)
+    made.cdef(DECLARED[source])
+    made.set_source(name, _text(source), extra_compile_args=words)
     with tempfile.TemporaryDirectory(dir=place.parent) as folder:
         Path(made.compile(tmpdir=folder)).replace(place)
