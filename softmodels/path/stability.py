@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.petsc_matrices import assembled_matrix, without_zeros
+from softmodels.mechanics.petsc_matrices import sparse_matrix
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.modes import Mode
@@ -78,7 +78,7 @@ class Stability:
         dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
         mass = ufl.inner(eq.body.displacement(u), eq.body.displacement(v)) * eq.body.hoop * dx
         form = fem.form(mass, jit_options=JIT)
-        self.mass = without_zeros(assembled_matrix(form, eq.bcs, 0.0))
+        self.mass = sparse_matrix(form, eq.bcs, 0.0)
         self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]
         self.spectrum = spectrum_of(solver, self.M)
