@@ -32,13 +32,13 @@ Array = npt.NDArray[np.float64]
 
 TIGHT = 1e-4
 """Tolerance from which on a solve shows how much a cycle has aged."""
-FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 18, 80
-"""Memory of a rank: bytes whatever the model, bytes per entry of K (its blocks, and their products on coarser levels), and
-vectors (of the cycle's levels, of GMRES, and of the modes that are followed). Measured on wedges of 9,804, 17,092, 20,542 and
-48,563 unknowns, mass matrix included: 45, 72, 83 and 167 MB taken, 45, 71, 80 and 171 MB foretold."""
-PER_SHARED_ENTRY = 100
-"""The same per entry on several ranks: what PETSc keeps and needs for a while to multiply matrices whose rows are spread. Paths
-past a limit point, 70,113 and 1,054,962 unknowns on two ranks: 0.67 and 10.3 GB taken on both, 0.69 and 9.9 GB foretold."""
+FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 8, 80
+"""Memory of a rank: bytes whatever the model, bytes per entry of K (blocks in single precision, those to p, the linear level),
+and vectors (of the levels, of GMRES, and of the modes that are followed). Measured along the paths of wedges of 17,300, 37,120,
+70,113 and 181,940 unknowns, mass matrix included: 39, 81, 134 and 397 MB taken, 46, 84, 146 and 361 MB foretold."""
+PER_SHARED_ENTRY = 16
+"""The same per entry on several ranks, whose matrices PETSc keeps in two parts. Paths past a limit point, 70,113 and 181,940
+unknowns on two ranks: 0.19 and 0.50 GB taken on both, 0.21 and 0.50 GB foretold."""
 
 
 class Multigrid(Inverse):
