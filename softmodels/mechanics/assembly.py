@@ -89,14 +89,6 @@ class Assembly:
         self._whole.assemble()
         self.assembled.add_to(self._whole, self.w.x.array)
 
-    def empty_matrix(self) -> PETSc.Mat:
-        """A matrix of all dofs with the tangent's pattern, which is known once the tangent has been assembled."""
-        if not self._whole.assembled:
-            self._assemble_whole()
-        empty = self._whole.duplicate()
-        empty.zeroEntries()
-        return empty
-
     def tangent_product(self, x: Array, y: Array) -> None:
         """Put the current state's tangent times x into y. Cheaper than assembling the matrix, and only good for products."""
         from dolfinx import la

@@ -1,7 +1,8 @@
 """Functions written in C for what is computed most often, compiled at the first run into the cache of the equations.
 
 By the compiler and with the words for it that the equations' own code is compiled with; see `softmodels.mechanics.compiling`.
-Where a core is free, that goes on in a process of its own while the mesh is made: ``python -m`` this module, and its place.
+Where a core is free, that goes on in a process of its own while the mesh is made: ``python -m`` this module, the source's name
+and the module's place.
 """
 
 from __future__ import annotations
@@ -30,54 +31,69 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
-SOURCE = Path(__file__).with_name("moduli.c")
 _TABLES = f"int64_t, int64_t, int64_t, const int32_t *{', const double *' * 5}"
 _ROWS = "typedef struct { void *matrix, *set; const int32_t *starts, *columns; double *values; } rows;"
-DECLARED = f"{_ROWS} void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
+_MODULI = f"{_ROWS} void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
     f"void moduli_{of}({_TABLES}, const double *, double *);"
     f"int matrix_{of}({_TABLES}, int64_t, const int8_t *, const rows *);"
     for of in ("of_gradients", "with_pressure", "with_values")
 )
+_LEVEL = "int64_t, const int32_t *, const int32_t *, const float *, const double *, const double *"
+_MULTIGRID = """
+typedef struct { const int32_t *starts, *columns; const double *values; const int32_t *places; } part;
+int64_t level_pattern(int64_t, int, const int32_t *, const part *, int32_t *, int32_t *, int32_t *);
+void level_take(int64_t, int, const int32_t *, const part *, const int32_t *, const int32_t *, int32_t *, float *, double *);
+void level_restrict(int64_t, int, const int32_t *, const double *, double *);
+void level_prolong(int64_t, int, const int32_t *, const double *, double *);
+int level_galerkin(int64_t, int, const int32_t *, const int32_t *, const int32_t *, const int8_t *, const part *,
+    const int32_t *, const int32_t *, int32_t *, int32_t *, int32_t *, double *, double *, void *, void *);
+""" + "".join(
+    f"void level_residual_{d}({_LEVEL}, double *);"
+    f"void level_step_{d}({_LEVEL}, const double *, double, double, double *);"
+    for d in (2, 3)
+)
+DECLARED = {"moduli": _MODULI, "multigrid": _MULTIGRID}
+"""Functions of each source."""
 FAST = "-O3"
 """These few functions may take longer to compile than equations."""
 
 
-_aside: list[subprocess.Popen[bytes]] = []
-"""The process that compiles, once `begin` has started one."""
+_aside: dict[str, subprocess.Popen[bytes]] = {}
+"""Processes that compile a source, once `begin` has started them."""
 
 
-def begin() -> None:
+def begin(source: str) -> None:
     """Start to compile in a process of its own, where that has not been done and a core is free; `library` waits for it."""
-    place = _place(_words())
-    if not (_aside or place.exists() or cores() < 2):
-        command = [sys.executable, "-m", __name__, str(place)]
+    place = _place(source)
+    if not (source in _aside or place.exists() or cores() < 2):
+        command = [sys.executable, "-m", __name__, source, str(place)]
         nothing = subprocess.DEVNULL
         with contextlib.suppress(OSError):
-            _aside.append(subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing))
+            _aside[source] = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
 
 
-def library(comm: MPI.Comm) -> ModuleType:
+def library(comm: MPI.Comm, source: str) -> ModuleType:
     """The compiled functions, and cffi's way to pass arrays to them: a module with ``lib`` and ``ffi``.
 
     Args:
         comm: One of its ranks compiles, where that has not been done.
+        source: Which of them, one of `DECLARED`.
 
     Raises:
         OSError: The cache cannot be used.
         cffi.VerificationError: The compiler failed.
     """
-    words = _words()
-    place = _place(words)
-    on_root(comm, lambda: _see_to(words, place))
+    place = _place(source)
+    on_root(comm, lambda: _see_to(source, place))
     return _loaded(_name(place), place)
 
 
-def _see_to(words: list[str], place: Path) -> None:
+def _see_to(source: str, place: Path) -> None:
     """Have the module in its place."""
-    for process in _aside:
-        process.wait()
+    if source in _aside:
+        _aside[source].wait()
     if not place.exists():  # whatever went wrong there goes wrong again, and is reported
-        _compile(words, place)
+        _compile(source, place)
 
 
 class Rows:
@@ -93,7 +109,7 @@ class Rows:
     def __init__(self, matrix: PETSc.Mat):
         from petsc4py import PETSc
 
-        self._ffi = library(matrix.comm.tompi4py()).ffi
+        self._ffi = library(matrix.comm.tompi4py(), "moduli").ffi
         petsc, self._matrix = ctypes.CDLL(PETSc.__file__), matrix
         self.c = self._ffi.new("rows *")
         self.c.matrix = self._ffi.cast("void *", matrix.handle)
@@ -116,6 +132,10 @@ class Rows:
             raise PETSc.Error(error)
 
 
+def _text(source: str) -> str:
+    return Path(__file__).with_name(f"{source}.c").read_text()
+
+
 def _words() -> list[str]:
     return [*compiler_flags(), FAST]
 
@@ -124,9 +144,9 @@ def _name(place: Path) -> str:
     return place.name.partition(".")[0]
 
 
-def _place(words: list[str]) -> Path:
+def _place(source: str) -> Path:
     """Where the module is; its name tells what it was compiled from, and how."""
-    of = hashlib.sha1(repr((SOURCE.read_text(), DECLARED, words)).encode()).hexdigest()
+    of = hashlib.sha1(repr((_text(source), DECLARED[source], _words())).encode()).hexdigest()
     return cache() / f"softmodels_{of}{sysconfig.get_config_var('EXT_SUFFIX')}"
 
 
@@ -139,17 +159,17 @@ def _loaded(name: str, place: Path) -> ModuleType:
     return module
 
 
-def _compile(words: list[str], place: Path) -> None:
+def _compile(source: str, place: Path) -> None:
     """Compile aside and put the module in its place at once: another run may do the same, and either may be killed."""
     import cffi  # type: ignore[import-untyped]
 
     place.parent.mkdir(parents=True, exist_ok=True)
     made = cffi.FFI()
-    made.cdef(DECLARED)
-    made.set_source(_name(place), SOURCE.read_text(), extra_compile_args=words)
+    made.cdef(DECLARED[source])
+    made.set_source(_name(place), _text(source), extra_compile_args=_words())
     with tempfile.TemporaryDirectory(dir=place.parent) as folder:
         Path(made.compile(tmpdir=folder)).replace(place)
 
 
 if __name__ == "__main__":
-    _compile(_words(), Path(sys.argv[1]))
+    _compile(sys.argv[1], Path(sys.argv[2]))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from softmodels.mechanics.factorisation import Factorisation, entries_here
 from softmodels.mechanics.inverse import Inverse
 from softmodels.mechanics.memory import GIGA, TooLargeError, available, needed
-from softmodels.mechanics.multigrid import Multigrid
+from softmodels.mechanics.multigrid import PER_UNKNOWN, Multigrid
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.stiffest import spread
@@ -26,8 +26,8 @@ AMPLE = 1e3
 """Bytes that are more than enough for a factorisation, times the unknowns to the power 4/3: three times what a cube's takes in
 double precision (307, 297 and 295 at 15,468, 49,072 and 93,469 unknowns), and ten times a slab's. Where there is as much, it is
 not looked at more closely, which takes an assembly and an analysis."""
-MASS_ENTRY = 12
-"""Bytes that the mass matrix, by which modes are measured, takes per entry of K."""
+MASS_ENTRY = 6
+"""Bytes that the mass matrix, by which modes are measured, takes per entry of K: it has two fifths of these."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,9 +98,10 @@ def chosen(system: System, method: str) -> Method:
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return Method("iterative", iterative[1])
     usual, most = Factorisation.memory(system.K, spread(system.matter))
-    direct = needed(system.comm, mass + most)
+    beside = mass + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
+    direct = needed(system.comm, beside + most)
     if direct[0] <= room and method != "iterative":
-        return Method("direct", needed(system.comm, mass + usual)[1])
+        return Method("direct", needed(system.comm, beside + usual)[1])
     if fits and method == "auto":
         told = f"about {direct[1] / GIGA:.2g} GB, where {room * system.comm.size / GIGA:.2g} GB are free"
         return Method("iterative", iterative[1], f"a factorisation would take {told}")

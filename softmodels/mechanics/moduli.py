@@ -80,7 +80,7 @@ class Moduli:
         self._mesh, self._known = w.function_space.mesh, np.empty(0)
         compiled = force._cpp_object
         entities = np.array(compiled.domains(next(iter(compiled.integral_types)), 0), dtype=np.int32)
-        c, rule = library(self._mesh.comm), (points, weights)
+        c, rule = library(self._mesh.comm, "moduli"), (points, weights)
         if on_faces:
             pairs = entities.reshape(-1, 2)
             self._blocks = [

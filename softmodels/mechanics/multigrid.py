@@ -1,11 +1,11 @@
-"""A cycle of algebraic multigrid on the displacements, and the pressures' mass: near K^-1 at a cost that grows as K does.
+"""A cycle of multigrid on the displacements, and the pressures' mass: near K^-1 at a cost that grows as K does.
 
-        [ K_uu  K_up ]      [ M  K_up ]^-1    M: PETSc's GAMG on K_uu, smoothed aggregation that knows the rigid motions;
+        [ K_uu  K_up ]      [ M  K_up ]^-1    M: K_uu on quadratic displacements, then on linear ones, then PETSc's GAMG;
         [ K_pu  -C   ]  ~   [ 0   -S  ]       S: (1/shear modulus + 1/bulk modulus) times the diagonal of p's mass
 
 The right side is the upper factor of K's block elimination, with the Schur complement C + K_pu K_uu^-1 K_up near p's mass
 (Elman, Silvester, Wathen 2014, Finite Elements and Fast Iterative Solvers, chapter 4). The unknowns are skew components
-w = B u, so the rigid motions are turned by B too: without that iterations triple.
+w = B u, so the rigid motions that GAMG is told of are turned by B too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ import numpy.typing as npt
 
 from softmodels.mechanics.factorisation import entries_here, entries_in_all
 from softmodels.mechanics.inverse import Inverse
+from softmodels.mechanics.linear_level import LinearLevel
 from softmodels.mechanics.petsc_matrices import held_dofs
+from softmodels.mechanics.quadratic_level import QuadraticLevel
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -28,25 +30,15 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-PREFIX = "body_"
-OPTIONS = {
-    "pc_gamg_threshold": "0.01",
-    "pc_gamg_reuse_interpolation": "true",  # its set-up for another state is its products alone
-    "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_pc_type": "sor",
-}
-"""PETSc's options of the cycle; those that the user gives under the same prefix stand."""
-
-
 TIGHT = 1e-4
 """Tolerance from which on a solve shows how much a cycle has aged."""
-FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 18, 80
-"""Memory of a rank: bytes whatever the model, bytes per entry of K (its blocks, and their products on coarser levels), and
-vectors (of the cycle's levels, of GMRES, and of the modes that are followed). Measured on wedges of 9,804, 17,092, 20,542 and
-48,563 unknowns, mass matrix included: 45, 72, 83 and 167 MB taken, 45, 71, 80 and 171 MB foretold."""
-PER_SHARED_ENTRY = 100
-"""The same per entry on several ranks: what PETSc keeps and needs for a while to multiply matrices whose rows are spread. Paths
-past a limit point, 70,113 and 1,054,962 unknowns on two ranks: 0.67 and 10.3 GB taken on both, 0.69 and 9.9 GB foretold."""
+FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 8, 80
+"""Memory of a rank: bytes whatever the model, bytes per entry of K (blocks in single precision, those to p, the linear level),
+and vectors (of the levels, of GMRES, and of the modes that are followed). Measured along the paths of wedges of 17,300, 37,120,
+70,113 and 181,940 unknowns, mass matrix included: 39, 81, 134 and 397 MB taken, 46, 84, 146 and 361 MB foretold."""
+PER_SHARED_ENTRY = 16
+"""The same per entry on several ranks, whose matrices PETSc keeps in two parts. Paths past a limit point, 70,113 and 181,940
+unknowns on two ranks: 0.19 and 0.50 GB taken on both, 0.21 and 0.50 GB foretold."""
 
 
 class Multigrid(Inverse):
@@ -67,7 +59,8 @@ class Multigrid(Inverse):
         self._entries = self._fresh = 0.0
         self._make_fields()
         self._make_weights()
-        self._blocks: tuple[PETSc.Mat, PETSc.Mat | None] | None = None
+        self._levels: tuple[QuadraticLevel, LinearLevel] | None = None
+        self._coupling: PETSc.Mat | None = None
 
     @staticmethod
     def memory(system: System) -> float:
@@ -90,13 +83,12 @@ class Multigrid(Inverse):
             nodes, count = system.space, system.space.dofmap.index_map.size_local
             self._u = np.arange(count * d, dtype=np.int32)
         self._p = np.setdiff1d(np.arange(end - start, dtype=np.int32), self._u).astype(np.int32)
-        self._places = nodes.tabulate_dof_coordinates()[:count]
+        self._nodes, self._places = nodes, nodes.tabulate_dof_coordinates()[:count]
         self._held = held_dofs(system.bcs)
         self._rows = [
             PETSc.IS().createGeneral(rows + start, comm=self.K.comm)  # type: ignore[arg-type]
             for rows in (self._u, self._p)
         ]
-        self._rows[0].setBlockSize(d)
 
     def _make_weights(self) -> None:
         """The forms of the lumped mass of p, one for each region."""
@@ -112,54 +104,35 @@ class Multigrid(Inverse):
         self._lumped = [system.form(weight * q * system.body.hoop * region.dx) for weight, region in regions]
 
     def set_up(self) -> None:
-        u, p = self._rows
         entries = entries_in_all(self.K)
-        if self._blocks is not None and entries != self._entries:  # contact has coupled more
+        if self._levels is not None and entries != self._entries:  # contact has coupled more
             self._drop()
-        if self._blocks is None:
+        if self._levels is None:
             self._entries = entries
-            self._blocks = (self.K.createSubMatrix(u, u), self.K.createSubMatrix(u, p) if self.system.mixed else None)
-            self._make_cycle(self._blocks[0])
+            self._make_levels()
         else:
-            self.K.createSubMatrix(u, u, self._blocks[0])
-            if self._blocks[1] is not None:
-                self.K.createSubMatrix(u, p, self._blocks[1])
+            for level in self._levels:
+                level.take()
+            if self._coupling is not None:
+                self.K.createSubMatrix(self._rows[0], self._rows[1], self._coupling)
         self._schur = self._schur_diagonal()
-        self._cycle.setReusePreconditioner(False)
-        self._cycle.setUp()
-        self._cycle.setReusePreconditioner(True)
         self._fresh = 0.0
 
-    def _make_cycle(self, K_uu: PETSc.Mat) -> None:
-        """Make multigrid for the displacements' block, with what it is told of rigid motions."""
-        from petsc4py import PETSc
-
-        K_uu.setBlockSize(self.system.body.mesh.geometry.dim)
-        vectors = [K_uu.createVecRight() for _ in range(self._motions().shape[0])]
-        for vector, motion in zip(vectors, self._motions(), strict=True):
-            vector.array_w[:] = motion
-        for i, vector in enumerate(vectors):
-            for before in vectors[:i]:
-                vector.axpy(-vector.dot(before), before)
-            vector.normalize()
-        K_uu.setNearNullSpace(PETSc.NullSpace().create(vectors=vectors, comm=K_uu.comm))
-        cycle = self._cycle = PETSc.PC().create(K_uu.comm)
-        cycle.setOptionsPrefix(PREFIX)
-        cycle.setOperators(K_uu, K_uu)
-        cycle.setType("gamg")
-        options = PETSc.Options(PREFIX)
-        own = {name: value for name, value in OPTIONS.items() if not options.hasName(name)}
-        for name, value in own.items():
-            options.setValue(name, value)
-        cycle.setFromOptions()
-        cycle.setUp()  # which reads the options of the levels
-        for name in own:
-            options.delValue(name)
-        self._b, self._x = K_uu.createVecRight(), K_uu.createVecRight()
-        self._pressures = None if self._blocks is None or self._blocks[1] is None else self._blocks[1].createVecRight()
+    def _make_levels(self) -> None:
+        """Make the levels of displacements, and their coupling to p."""
+        d = self.system.body.mesh.geometry.dim
+        held = np.zeros(self.K.getLocalSize()[0], dtype=np.bool_)
+        held[self._held] = True
+        quadratic = QuadraticLevel(self.K, self._u, d)
+        quadratic.take()
+        shape = (len(self._places), d)
+        self._levels = (quadratic, LinearLevel(quadratic, self._nodes, held[self._u].reshape(shape), self._motions()))
+        if self.system.mixed:
+            self._coupling = self.K.createSubMatrix(self._rows[0], self._rows[1])
+            self._pressures, self._b = self._coupling.createVecRight(), self._coupling.createVecLeft()
 
     def _motions(self) -> Array:
-        """The rigid motions as skew components, zero where they are held, shape (motions, owned displacements)."""
+        """The rigid motions as skew components, zero where they are held, shape (motions, owned nodes, d)."""
         body = self.system.body
         d = body.mesh.geometry.dim
         x = self._places[:, :d]
@@ -170,7 +143,7 @@ class Multigrid(Inverse):
             found.append(turn)
         free = np.ones(self.K.getLocalSize()[0])
         free[self._held] = 0.0
-        return np.array([(motion @ body.skew.T).ravel() * free[self._u] for motion in found])
+        return np.array([motion @ body.skew.T * free[self._u].reshape(-1, d) for motion in found])
 
     def _schur_diagonal(self) -> Array:
         """S of the module's docstring at owned p."""
@@ -184,17 +157,20 @@ class Multigrid(Inverse):
         return share * system.assemble(self._lumped, held=True)[self._p]
 
     def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        assert self._blocks is not None
-        given, K_up = b.array_r, self._blocks[1]
-        self._b.array_w[:] = given[self._u]
-        found = x.array_w
-        if K_up is not None and self._pressures is not None:
+        assert self._levels is not None
+        given, found = b.array_r, x.array_w
+        force = given[self._u]
+        if self._coupling is not None:
             pressures = -given[self._p] / self._schur
-            self._pressures.array_w[:] = -pressures
-            K_up.multAdd(self._pressures, self._b, self._b)
+            self._pressures.array_w[:] = pressures
+            self._coupling.mult(self._pressures, self._b)
+            force -= self._b.array_r
             found[self._p] = pressures
-        self._cycle.apply(self._b, self._x)
-        found[self._u] = self._x.array_r
+        quadratic, linear = self._levels
+        quadratic.smooth(force, begin=True)
+        linear.correct(quadratic.residual(force))
+        quadratic.smooth(force, begin=False)
+        found[self._u] = quadratic.x[: len(force)]
         # Coarser levels move held dofs a little, which no residual knows of: states would drift away from their supports.
         found[self._held] = given[self._held]
 
@@ -211,12 +187,13 @@ class Multigrid(Inverse):
         raise NotImplementedError("a cycle of multigrid does not know K's inertia")
 
     def _drop(self) -> None:
-        """Destroy the cycle and its blocks."""
-        if self._blocks is not None:
-            for thing in (self._cycle, self._b, self._x, self._pressures, *self._blocks):
-                if thing is not None:
-                    thing.destroy()
-            self._blocks = None
+        """Destroy the levels and the coupling."""
+        for level in self._levels or ():
+            level.release()
+        if self._coupling is not None:
+            for thing in (self._coupling, self._pressures, self._b):
+                thing.destroy()
+        self._levels = self._coupling = None
 
     def release(self) -> None:
         self._drop()

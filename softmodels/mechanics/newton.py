@@ -83,6 +83,8 @@ class Newton:
         Raises:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
+        from petsc4py import PETSc
+
         self.control, self._since = control, since
         self._smallest = None
         self._most = most or self.bordered.inverse.most_newton
@@ -92,6 +94,7 @@ class Newton:
             self.snes.solve(None, self.x)
         finally:
             self.system.assembled.whole = False
+        PETSc.garbage_cleanup(self.system.comm)  # vectors that were dropped since: several ranks have to agree on them
         reason: Any = self.snes.getConvergedReason()  # an int, whatever its stub has
         if reason <= 0:
             self.kept.spoil()

@@ -68,15 +68,21 @@ def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagon
     return matrix
 
 
-def without_zeros(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The same matrix with no places for zeros, in the place of the one that is given, which is destroyed."""
+def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
+    """A form's matrix with no places for zeros, which would take several times the memory; see `assemble_into`."""
     from petsc4py import PETSc
 
-    starts, columns, values = matrix.getValuesCSR()
-    kept = np.flatnonzero(values)
-    csr = (np.searchsorted(kept, starts).astype(starts.dtype), columns[kept], values[kept])
-    made = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
-    matrix.destroy()
+    dofmap, comm = form.function_spaces[0].dofmap, form.mesh.comm
+    numbers, block = dofmap.index_map, dofmap.index_map_bs
+    size = (numbers.size_local * block, PETSc.DETERMINE)
+    made = PETSc.Mat().createAIJ((size, size), comm=comm)
+    places = numbers.local_to_global(np.arange(numbers.size_local + numbers.num_ghosts, dtype=np.int32))
+    local = PETSc.LGMap().create(places.astype(np.int32), block, comm)  # type: ignore[arg-type]
+    made.setLGMap(local, local)
+    made.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)  # type: ignore[arg-type]
+    assemble_into(made, form, bcs, diagonal)
+    made.assemble()
+    local.destroy()
     return made
 
 

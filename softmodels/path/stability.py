@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.petsc_matrices import assemble_into, without_zeros
+from softmodels.mechanics.petsc_matrices import sparse_matrix
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.modes import Mode
@@ -77,10 +77,8 @@ class Stability:
         u, v = (ufl.split(f)[0] if eq.mixed else f for f in (trial, test))
         dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
         mass = ufl.inner(eq.body.displacement(u), eq.body.displacement(v)) * eq.body.hoop * dx
-        matrix = eq.empty_matrix()
-        assemble_into(matrix, fem.form(mass, jit_options=JIT), eq.bcs, 0.0)
-        matrix.assemble()
-        self.mass = without_zeros(matrix)
+        form = fem.form(mass, jit_options=JIT)
+        self.mass = sparse_matrix(form, eq.bcs, 0.0)
         self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]
         self.spectrum = spectrum_of(solver, self.M)

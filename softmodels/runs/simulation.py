@@ -83,7 +83,7 @@ class Simulation:
         device = self.case.actuator
         self.listener.say(kept_meshes.told(device))
         if device.dimension == 3 and self.comm.rank == 0:
-            c_library.begin()
+            c_library.begin("moduli")
         try:
             on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:

@@ -12,26 +12,21 @@ Cells are in mm. ``--one`` solves one state at 1 cm alone, for models whose whol
 per run with the exponents between neighbouring sizes, and draws ``iterations.png``: those of the linear solve for the path's
 direction, to 1e-5, against the arc length.
 
-Figures of one rank of a busy machine (read ratios; CPU seconds):
+Figures of a busy machine (read ratios; CPU seconds of a rank), all from rest through the limit point and two states past it:
 
-- 9,804 unknowns, three pressures and two states past the limit point: 13 states, 2,424 cycles and 6 set-ups in 17.9 s; with
-  the direct solver 14 states, 710 back-substitutions and 8 factorisations in 5.1 s. Iterations 13 to 22 along the path, 20 at
-  the limit point, 20 and 31 past it. The limit point's pressure is 52.466066 cm with both.
-- 20,542 unknowns, the limit point alone asked for: 11 states, 1,634 cycles and 7 set-ups in 34.7 s. Iterations 11 to 14 along
-  the path, 16 at the limit point, 16 and 19 past it.
-- Memory taken and foretold along these paths: 37 and 45 MB, 75 and 80 MB (iterative); 47 and 42 MB (direct).
-- One state at 9,804, 20,542 and 48,563 unknowns: 9, 25 and 66 ms a cycle, 321, 278 and 494 cycles with the first search for
-  modes.
-- 9,804 to 48,563 unknowns, the limit point alone asked for: 2,483 and 3,054 cycles, 16.8 and 193.5 s, 39 and 170 MB
-  (45 and 171 foretold): exponents 1.53 of time and 0.92 of memory.
-- Two ranks, the default fillets (the figures above are of a disk without): 70,113 and
-  1,054,962 unknowns (cells of 1.1 and 0.363 mm) through their limit points at 52.943466 and 52.940303 cm (the section's:
-  52.94014) and two states past them in 174 and 3,457 s, 2,477 and 2,988 cycles; exponents 1.09 of time and 1.01 of memory
-  (0.67 and 10.3 GB beside the model, peaks of 1.1 and 13.3 GB). Iterations 12 to 19, 20 at the limit point, 30 past it, and 16
-  to 22, 25 and 34.
-- ``--one --cell-size 2`` on 1, 2, 4 and 8 ranks of two cores: 38,662 unknowns in 30, 33, 32 and 32 iterations, 277, 313, 308
-  and 302 cycles; with ``--angle`` 15, 30, 60 and 120, 18,344 to 97,594 unknowns in 417, 334, 297 and 339 cycles.
-- Foretold on two ranks beside the model: 0.69 and 9.9 GB.
+- One rank, ``--angle 15``: 17,300 unknowns, 1,720 cycles and 6 set-ups in 9.4 s, 39 MB (46 foretold). The whole wedge with
+  cells of 3, 1.1 and 0.71 mm: 37,120, 70,113 and 181,940 unknowns, 1,378, 1,339 and 1,551 cycles in 19.4, 39.3 and 120.9 s,
+  81, 134 and 397 MB (84, 146 and 361 foretold).
+- The same with ``--solver direct``: 547 to 562 back-substitutions and 7 factorisations in 17.9, 39.1 and 172.2 s, 182, 345 and
+  1,222 MB (170, 335 and 1,138 foretold).
+- A cycle takes 3.3, 7.8 and 18 ms at 17,300, 37,120 and 70,113 unknowns, a set-up 0.08, 0.19 and 0.38 s.
+- Two ranks: 70,113 and 181,940 unknowns, limit points at 52.943466 and 52.941637 cm (the section's: 52.94014), 1,344 and 1,425
+  cycles, 26.4 and 81.2 s, 0.187 and 0.499 GB beside the model: exponents 1.18 of time and 1.03 of memory. Iterations 8 to 15,
+  5 at the limit point, 15 past it, and 10 to 19, 5 and 12.
+- ``--one --cell-size 2`` on 1, 2, 4 and 8 ranks of two cores: 38,662 unknowns in 25, 24, 24 and 24 iterations, 218, 217, 214
+  and 216 cycles.
+- GAMG from the quadratic displacements on, which came before: 37,120 unknowns, 1,910 cycles and 83.0 s on one rank; 70,113,
+  2,477 cycles and 174 s on two, 0.67 GB; 1,054,962 (0.363 mm), 2,988 cycles and 3,457 s, 10.3 GB, limit point 52.940303 cm.
 """
 
 from __future__ import annotations
