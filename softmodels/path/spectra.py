@@ -212,12 +212,19 @@ class Iterated(Spectrum):
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
             solver.system.tangent_product(x.array_r, y.array_w)
 
-        return Pencil(product, self.M, solver.bordered.iterate)
+        def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
+            solver.bordered.iterate(b, x, tolerance)
+            solver.bordered.keep_volumes(x)  # to the last digits: a loose solve changes them a little
+
+        return Pencil(product, self.M, solve)
 
     def _start(self, modes: Sequence[PETSc.Vec]) -> Sequence[PETSc.Vec]:
-        """Where a search begins: with the modes known, or in the range of K^-1 M."""
+        """Where a search begins: with the modes known, or in the range of K^-1 M; with motions that keep the held volumes."""
         if modes:
-            return modes
+            kept = [mode.copy() for mode in modes]
+            for mode in kept:
+                self.solver.bordered.keep_volumes(mode)
+            return kept
         image, lifted = self.M.createVecLeft(), self.M.createVecRight()
         self.M.mult(self.seed, image)
         self.solver.bordered.iterate(image, lifted, OTHERS)
@@ -229,7 +236,7 @@ class Iterated(Spectrum):
             self._turn = self._turn % (BLOCK - 1) + 1
             tolerances = [OTHERS if k == self._turn else math.inf for k in range(BLOCK)]
             tolerances[0] = LOWEST
-        found = self._take(nearest(self._pencil(), [*self._start(modes), *self._before], tolerances))
+        found = self._take(nearest(self._pencil(), self._start([*modes, *self._before] if modes else ()), tolerances))
         self._before = list(modes[:1])
         return float(found.values[0]), found.vectors
 
