@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 PREFIX = "body_"
+NONE = np.empty(0, dtype=np.int32)
 OPTIONS = {
     "pc_gamg_threshold": "0.01",
     "pc_gamg_reuse_interpolation": "true",  # its set-up for another state is its products alone
@@ -54,6 +55,7 @@ class Multigrid(Inverse):
 
     Args:
         system: Whose K it is for.
+        fixed: Owned dofs of the displacement that it leaves out, beside those that are held.
     """
 
     exact = False
@@ -61,9 +63,13 @@ class Multigrid(Inverse):
     most_in_all = 12
     most_newton = 9
     restart, most_iterations = 80, 200
+    instead = (
+        ": iterations with multigrid may fail where one material is far stiffer than another or cells are very flat; use "
+        "--solver direct"
+    )
 
-    def __init__(self, system: System):
-        self.system, self.K = system, system.K
+    def __init__(self, system: System, fixed: npt.NDArray[np.int32] = NONE):
+        self.system, self.K, self._fixed = system, system.K, fixed
         self._entries = self._fresh = 0.0
         self._make_fields()
         self._make_weights()
@@ -91,7 +97,7 @@ class Multigrid(Inverse):
             self._u = np.arange(count * d, dtype=np.int32)
         self._p = np.setdiff1d(np.arange(end - start, dtype=np.int32), self._u).astype(np.int32)
         self._places = nodes.tabulate_dof_coordinates()[:count]
-        self._held = held_dofs(system.bcs)
+        self._held = np.concatenate([held_dofs(system.bcs), self._fixed])
         self._rows = [
             PETSc.IS().createGeneral(rows + start, comm=self.K.comm)  # type: ignore[arg-type]
             for rows in (self._u, self._p)
@@ -119,16 +125,21 @@ class Multigrid(Inverse):
         if self._blocks is None:
             self._entries = entries
             self._blocks = (self.K.createSubMatrix(u, u), self.K.createSubMatrix(u, p) if self.system.mixed else None)
+            self._fix(*self._blocks)
             self._make_cycle(self._blocks[0])
         else:
             self.K.createSubMatrix(u, u, self._blocks[0])
             if self._blocks[1] is not None:
                 self.K.createSubMatrix(u, p, self._blocks[1])
+            self._fix(*self._blocks)
         self._schur = self._schur_diagonal()
         self._cycle.setReusePreconditioner(False)
         self._cycle.setUp()
         self._cycle.setReusePreconditioner(True)
         self._fresh = 0.0
+
+    def _fix(self, K_uu: PETSc.Mat, K_up: PETSc.Mat | None) -> None:
+        """Put the identity into the rows and columns of what is left out and has others in K."""
 
     def _make_cycle(self, K_uu: PETSc.Mat) -> None:
         """Make multigrid for the displacements' block, with what it is told of rigid motions."""

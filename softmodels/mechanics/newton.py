@@ -26,6 +26,10 @@ FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance
 ROUNDING = 1000.0  # tolerances at which a residual that falls no further is taken for rounding
 SAFE = 10.0  # times what rounding is foretold to leave
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
+ENOUGH, ENOUGH_OF_A_CYCLE = (
+    0.3,
+    0.03,
+)  # of Newton's tolerance, left by linear solves: a factorisation leaves far less anyway
 TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
 
 
@@ -95,7 +99,7 @@ class Newton:
         if reason <= 0:
             self.kept.spoil()
             why = _REASONS.get(reason, f"PETSc's reason {reason}")
-            raise NoConvergence(why.format(most=self._most))
+            raise NoConvergence(why.format(most=self._most, instead=self.bordered.inverse.instead))
         return self._take_iterate(self.x)
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> Array:
@@ -209,7 +213,8 @@ class Newton:
             return reasons.DIVERGED_DTOL
         # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
         forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
-        snes.getKSP().setTolerances(rtol=min(max(forcing, 0.3 * tolerance / residual), loosest))
+        enough = ENOUGH if self.bordered.inverse.exact else ENOUGH_OF_A_CYCLE
+        snes.getKSP().setTolerances(rtol=min(max(forcing, enough * tolerance / residual), loosest))
         self._before = residual
         return reasons.ITERATING
 
@@ -224,7 +229,7 @@ class Newton:
 
 
 _REASONS = {
-    -3: "the linear solver failed",
+    -3: "the linear solver failed{instead}",
     -4: "the residual is not a number",
     -5: "no convergence in {most} iterations",
     -6: "no step made the residual smaller",
