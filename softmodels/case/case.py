@@ -29,7 +29,7 @@ from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntr
 from softmodels.materials.laws import Material
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.contact import Obstacle
-from softmodels.mechanics.methods import METHODS, check_method
+from softmodels.mechanics.methods import METHODS
 from softmodels.mechanics.sheet import Sheet
 from softmodels.path.air_supply import AirSupply
 from softmodels.path.program import Program
@@ -149,7 +149,6 @@ class Case:
             self.gauges.check(self.actuator)
             object.__setattr__(self, "parts", tuple(self.parts))
             check_parts(self.parts, self.actuator)
-            check_method(self.solver, self.parts)
             check_materials(self.material, self.parts, self.formulation)
             if self.band is not None:
                 self.band.check(self.material)

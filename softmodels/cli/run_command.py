@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from softmodels.case.material_table import material_from, to_table
 from softmodels.cli.case_options import taken
 from softmodels.cli.device_word import DEVICE, by_device
 from softmodels.cli.options import RunOptions, device_command, execute, run_options
+from softmodels.mechanics.methods import METHODS
 
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 
@@ -33,8 +35,10 @@ def command_of(device: type[Actuator]) -> click.Command:
               "or a TOML file such as the fitted.toml of softmodels fit.")  # fmt: skip
 @click.option("--band", type=click.Path(path_type=Path), metavar="FILE", help="A fitted material's fitted.toml, in place of "
               "the case's [band]: path.csv and the curves get the 95 % band that its errors make.")  # fmt: skip
+@click.option("--solver", type=click.Choice(METHODS), help="How linear equations are solved, in place of the case's method: "
+              "by a factorisation, by iterations with multigrid, or by what the memory has room for.")  # fmt: skip
 @run_options
-def run(file: Path, material: str | None, band: Path | None, **values: object) -> None:
+def run(file: Path, material: str | None, band: Path | None, solver: str | None, **values: object) -> None:
     """Run a case FILE, such as the case.toml in a folder of results, or a device by its options.
 
     The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
@@ -46,14 +50,15 @@ def run(file: Path, material: str | None, band: Path | None, **values: object) -
       softmodels run --device HollowDisk --pressure-cm 0:177 --section axisymmetric
       softmodels run --device HollowDisk --help
     """
-    execute(lambda: _of_file(file, material, band), taken(RunOptions, values), [file])
+    execute(lambda: _of_file(file, material, band, solver), taken(RunOptions, values), [file])
 
 
-def _of_file(file: Path, material: str | None, band: Path | None) -> Case:
-    """A case file's case, with another material or another band where these are given."""
+def _of_file(file: Path, material: str | None, band: Path | None, solver: str | None) -> Case:
+    """A case file's case, with another material, another band or another solver where these are given."""
     more: dict[str, Mapping[str, object]] = {}
     if material is not None:
         more["material"] = to_table(material_from(material, {}))
     if band is not None:
         more["band"] = {"file": str(band.absolute())}
-    return Case.from_file(file, more)
+    case = Case.from_file(file, more)
+    return case if solver is None else dataclasses.replace(case, solver=solver)

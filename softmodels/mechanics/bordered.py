@@ -152,11 +152,13 @@ class Bordered:
     def solve_roughly(self, b: PETSc.Vec, x: PETSc.Vec) -> Array:
         """The same to the factorisation's own precision; returns the pressures that keep the held volumes."""
         self.inverse.apply(b, x)
-        pressures = np.zeros(len(self.constraint_columns))
-        if self.constraint_columns:
-            opened = np.array([column.dot(x) for column in self.constraint_columns])
-            pressures = self._close(opened, x)
-        return pressures
+        return self.keep_volumes(x)
+
+    def keep_volumes(self, x: PETSc.Vec) -> Array:
+        """Take what a motion x changes of the held volumes out of it, by the motions of their pressures; returns these."""
+        if not self.constraint_columns:
+            return np.zeros(0)
+        return self._close(np.array([column.dot(x) for column in self.constraint_columns]), x)
 
     def _close(self, opened: Array, x: PETSc.Vec) -> Array:
         """Take held volumes' changes out of x; returns the pressures that do it."""

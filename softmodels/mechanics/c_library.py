@@ -41,8 +41,9 @@ _MODULI = f"{_ROWS} void moduli_take(int64_t, int64_t, int64_t, const double *, 
 _LEVEL = "int64_t, const int32_t *, const int32_t *, const float *, const double *, const double *"
 _MULTIGRID = """
 typedef struct { const int32_t *starts, *columns; const double *values; const int32_t *places; } part;
-int64_t level_pattern(int64_t, int, const int32_t *, const part *, int32_t *, int32_t *, int32_t *);
-void level_take(int64_t, int, const int32_t *, const part *, const int32_t *, const int32_t *, int32_t *, float *, double *);
+int64_t level_pattern(int64_t, int, const int32_t *, const int8_t *, const part *, int32_t *, int32_t *, int32_t *);
+void level_take(int64_t, int, const int32_t *, const int8_t *, const part *, const int32_t *, const int32_t *, int32_t *,
+    float *, double *);
 void level_restrict(int64_t, int, const int32_t *, const double *, double *);
 void level_prolong(int64_t, int, const int32_t *, const double *, double *);
 int level_galerkin(int64_t, int, const int32_t *, const int32_t *, const int32_t *, const int8_t *, const part *,

@@ -19,6 +19,7 @@ class Inverse(abc.ABC):
         most_in_all: Wear after which the next state gets one of its own; see `wear`.
         most_newton: Iterations of Newton's method after which a shorter step costs less.
         restart, most_iterations: Of the linear solver that it preconditions.
+        instead: What a user can do where that solver fails with it, words after the failure; empty where nothing.
     """
 
     exact: ClassVar[bool]
@@ -28,6 +29,7 @@ class Inverse(abc.ABC):
     most_newton: ClassVar[int]
     restart: ClassVar[int]
     most_iterations: ClassVar[int]
+    instead: ClassVar[str] = ""
 
     @abc.abstractmethod
     def set_up(self) -> None:

@@ -57,6 +57,22 @@ class KeptFactorisation:
         self.age += inverse.wear(iterations, ksp.getTolerances()[0])
         self.worn = iterations > inverse.most_of_a_solve
 
+    def solve(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> bool:
+        """Solve with a linear solver, and once more with a set-up of this state where a cycle of another led nowhere.
+
+        Returns:
+            Whether it got to its tolerance.
+        """
+        ksp.solve(b, x)
+        self.count(ksp)
+        if not ksp.is_converged and not self.bordered.inverse.exact:
+            self.spoil()
+            self.make(None)
+            x.set(0.0)
+            ksp.solve(b, x)
+            self.count(ksp)
+        return ksp.is_converged
+
     def spoil(self) -> None:
         """Make it stale: what led here is no preconditioner to go on with."""
         self.age = self.bordered.inverse.most_in_all + 1

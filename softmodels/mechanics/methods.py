@@ -7,15 +7,13 @@ does. Both are known before they are allocated: the first from MUMPS' analysis, 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from softmodels.mechanics.factorisation import Factorisation, entries_here
 from softmodels.mechanics.inverse import Inverse
 from softmodels.mechanics.memory import GIGA, TooLargeError, available, needed
 from softmodels.mechanics.multigrid import PER_UNKNOWN, Multigrid
-from softmodels.mechanics.parts import Part, PartError
-from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.rigid_cycle import RigidCycle
 from softmodels.mechanics.stiffest import spread
 
 if TYPE_CHECKING:
@@ -54,20 +52,12 @@ class Method:
 
     def inverse(self, system: System) -> Inverse:
         """What stands for the inverse of a system's tangent."""
-        return Multigrid(system) if self.name == "iterative" else Factorisation(system.K, spread(system.matter))
+        return cycle_of(system)(system) if self.name == "iterative" else Factorisation(system.K, spread(system.matter))
 
 
-def check_method(method: str, parts: Sequence[Part]) -> None:
-    """Refuse what the iterative solver cannot do.
-
-    Raises:
-        PartError: A rigid part, with the iterative solver asked for.
-    """
-    for part in parts:
-        if method == "iterative" and isinstance(part, Rigid):
-            raise PartError(
-                f"{part.where}: the iterative solver knows no rigid parts; use --solver direct, or leave the part out"
-            )
+def cycle_of(system: System) -> type[Multigrid]:
+    """The kind of cycle that a system takes."""
+    return RigidCycle if system.unknowns.moving else Multigrid
 
 
 def chosen(system: System, method: str) -> Method:
@@ -79,22 +69,18 @@ def chosen(system: System, method: str) -> Method:
 
     Raises:
         TooLargeError: The machine's memory holds neither, or not the one asked for.
-        PartError: See `check_method`.
         ValueError: No such method.
     """
     if method not in METHODS:
         raise ValueError(f"solver {method!r} is not one of {', '.join(METHODS)}")
-    rigid = bool(system.unknowns.moving) or system.still_pressures > 0
-    if method == "iterative" and rigid:
-        raise PartError("the iterative solver knows no rigid parts; use --solver direct, or leave the part out")
     unknowns, room = system.K.getSize()[0], available(system.comm)
     if AMPLE * unknowns ** (4 / 3) < room * system.comm.size:
         return Method("direct" if method == "auto" else method)
     system.rest()
     system.assemble_tangent()
     mass = MASS_ENTRY * entries_here(system.K)
-    iterative = needed(system.comm, mass + Multigrid.memory(system))
-    fits = iterative[0] <= room and not rigid
+    iterative = needed(system.comm, mass + cycle_of(system).memory(system))
+    fits = iterative[0] <= room
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return Method("iterative", iterative[1])
     usual, most = Factorisation.memory(system.K, spread(system.matter))

@@ -15,15 +15,22 @@ typedef struct {
 
 /* Counts the nodes in each node's rows, and lists them if `columns` is given.
    rows: rows of the nodes' components
+   left: whether such a row is left out, for which the identity stands
    seen: an entry for each local node, all -1 */
-int64_t level_pattern(int64_t nodes, int d, const int32_t *rows, const part *parts, int32_t *seen, int32_t *starts,
-                      int32_t *columns)
+int64_t level_pattern(int64_t nodes, int d, const int32_t *rows, const int8_t *left, const part *parts, int32_t *seen,
+                      int32_t *starts, int32_t *columns)
 {
     int64_t count = 0;
     for (int64_t i = 0; i < nodes; i++) {
         starts[i] = (int32_t)count;
-        for (int c = 0; c < d; c++)
-            for (int p = 0; p < 2; p++)
+        for (int c = 0; c < d; c++) {
+            if (left[d * i + c] && seen[i] != i) {
+                seen[i] = (int32_t)i;
+                if (columns)
+                    columns[count] = (int32_t)i;
+                count++;
+            }
+            for (int p = 0; p < 2 && !left[d * i + c]; p++)
                 for (int32_t k = parts[p].starts[rows[d * i + c]]; k < parts[p].starts[rows[d * i + c] + 1]; k++) {
                     const int32_t place = parts[p].places[parts[p].columns[k]];
                     if (place < 0 || seen[place / d] == i)
@@ -33,6 +40,7 @@ int64_t level_pattern(int64_t nodes, int d, const int32_t *rows, const part *par
                         columns[count] = place / d;
                     count++;
                 }
+        }
     }
     starts[nodes] = (int32_t)count;
     return count;
@@ -40,16 +48,19 @@ int64_t level_pattern(int64_t nodes, int d, const int32_t *rows, const part *par
 
 /* Takes the entries: blocks by columns, and the diagonal's once more by rows.
    slots: an entry for each local node */
-void level_take(int64_t nodes, int d, const int32_t *rows, const part *parts, const int32_t *starts, const int32_t *columns,
-                int32_t *slots, float *values, double *diagonal)
+void level_take(int64_t nodes, int d, const int32_t *rows, const int8_t *left, const part *parts, const int32_t *starts,
+                const int32_t *columns, int32_t *slots, float *values, double *diagonal)
 {
     const int64_t size = d * d;
     for (int64_t i = 0; i < nodes; i++) {
         for (int32_t k = starts[i]; k < starts[i + 1]; k++)
             slots[columns[k]] = k;
         memset(values + size * starts[i], 0, sizeof(float) * size * (starts[i + 1] - starts[i]));
-        for (int c = 0; c < d; c++)
-            for (int p = 0; p < 2; p++)
+        memset(diagonal + size * i, 0, sizeof(double) * size);
+        for (int c = 0; c < d; c++) {
+            if (left[d * i + c])
+                values[size * slots[i] + (d + 1) * c] = diagonal[size * i + (d + 1) * c] = 1.0;
+            for (int p = 0; p < 2 && !left[d * i + c]; p++)
                 for (int32_t k = parts[p].starts[rows[d * i + c]]; k < parts[p].starts[rows[d * i + c] + 1]; k++) {
                     const int32_t place = parts[p].places[parts[p].columns[k]];
                     if (place < 0)
@@ -58,6 +69,7 @@ void level_take(int64_t nodes, int d, const int32_t *rows, const part *parts, co
                     if (place / d == i)
                         diagonal[size * i + d * c + place % d] = parts[p].values[k];
                 }
+        }
     }
 }
 

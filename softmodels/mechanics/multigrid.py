@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+NONE = np.empty(0, dtype=np.int32)
 TIGHT = 1e-4
 """Tolerance from which on a solve shows how much a cycle has aged."""
 FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 8, 80
@@ -46,6 +47,7 @@ class Multigrid(Inverse):
 
     Args:
         system: Whose K it is for.
+        fixed: Owned dofs of the displacement that it leaves out, beside those that are held.
     """
 
     exact = False
@@ -53,9 +55,13 @@ class Multigrid(Inverse):
     most_in_all = 12
     most_newton = 9
     restart, most_iterations = 80, 200
+    instead = (
+        ": iterations with multigrid may fail where one material is far stiffer than another or cells are very flat; use "
+        "--solver direct"
+    )
 
-    def __init__(self, system: System):
-        self.system, self.K = system, system.K
+    def __init__(self, system: System, fixed: npt.NDArray[np.int32] = NONE):
+        self.system, self.K, self._fixed = system, system.K, fixed
         self._entries = self._fresh = 0.0
         self._make_fields()
         self._make_weights()
@@ -84,7 +90,7 @@ class Multigrid(Inverse):
             self._u = np.arange(count * d, dtype=np.int32)
         self._p = np.setdiff1d(np.arange(end - start, dtype=np.int32), self._u).astype(np.int32)
         self._nodes, self._places = nodes, nodes.tabulate_dof_coordinates()[:count]
-        self._held = held_dofs(system.bcs)
+        self._held = np.concatenate([held_dofs(system.bcs), self._fixed])
         self._rows = [
             PETSc.IS().createGeneral(rows + start, comm=self.K.comm)  # type: ignore[arg-type]
             for rows in (self._u, self._p)
@@ -123,7 +129,7 @@ class Multigrid(Inverse):
         d = self.system.body.mesh.geometry.dim
         held = np.zeros(self.K.getLocalSize()[0], dtype=np.bool_)
         held[self._held] = True
-        quadratic = QuadraticLevel(self.K, self._u, d)
+        quadratic = QuadraticLevel(self.K, self._u, d, np.isin(self._u, self._fixed))
         quadratic.take()
         shape = (len(self._places), d)
         self._levels = (quadratic, LinearLevel(quadratic, self._nodes, held[self._u].reshape(shape), self._motions()))

@@ -26,7 +26,8 @@ FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance
 ROUNDING = 1000.0  # tolerances at which a residual that falls no further is taken for rounding
 SAFE = 10.0  # times what rounding is foretold to leave
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
-LAST = 0.1  # of the one after which the residual is below Newton's tolerance
+ENOUGH = 0.3  # of Newton's tolerance, left by them
+CLOSER = 0.1  # of Newton's tolerance where a cycle of multigrid solves: a factorisation leaves far less than asked for anyway
 TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
 
 
@@ -99,7 +100,7 @@ class Newton:
         if reason <= 0:
             self.kept.spoil()
             why = _REASONS.get(reason, f"PETSc's reason {reason}")
-            raise NoConvergence(why.format(most=self._most))
+            raise NoConvergence(why.format(most=self._most, instead=self.bordered.inverse.instead))
         return self._take_iterate(self.x)
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> Array:
@@ -203,6 +204,7 @@ class Newton:
         rounding = max(
             ROUNDING * max(tolerance, TOLERANCE * FLOOR * self._of_stress), SAFE * self._round * self._of_stress
         )
+        tolerance *= 1.0 if self.bordered.inverse.exact else CLOSER
         settled = iteration >= 2 and residual > 0.5 * self._before and residual <= rounding
         if residual <= tolerance or settled:
             return reasons.CONVERGED_FNORM_ABS
@@ -213,8 +215,7 @@ class Newton:
             return reasons.DIVERGED_DTOL
         # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
         forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
-        last = min(0.3 * tolerance / residual, LAST if self._since is None else loosest)
-        snes.getKSP().setTolerances(rtol=max(min(forcing, loosest), last))
+        snes.getKSP().setTolerances(rtol=min(max(forcing, ENOUGH * tolerance / residual), loosest))
         self._before = residual
         return reasons.ITERATING
 
@@ -229,7 +230,7 @@ class Newton:
 
 
 _REASONS = {
-    -3: "the linear solver failed",
+    -3: "the linear solver failed{instead}",
     -4: "the residual is not a number",
     -5: "no convergence in {most} iterations",
     -6: "no step made the residual smaller",

@@ -75,7 +75,7 @@ def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal:
     dofmap, comm = form.function_spaces[0].dofmap, form.mesh.comm
     numbers, block = dofmap.index_map, dofmap.index_map_bs
     size = (numbers.size_local * block, PETSc.DETERMINE)
-    made = PETSc.Mat().createAIJ((size, size), comm=comm)
+    made = PETSc.Mat().createAIJ((size, size), bsize=block, comm=comm)
     places = numbers.local_to_global(np.arange(numbers.size_local + numbers.num_ghosts, dtype=np.int32))
     local = PETSc.LGMap().create(places.astype(np.int32), block, comm)  # type: ignore[arg-type]
     made.setLGMap(local, local)

@@ -37,22 +37,23 @@ class QuadraticLevel:
         K: The matrix, assembled.
         rows: Local rows of the displacements, d of each node one after the other.
         d: Components of a node.
+        left: Which of the rows are left out, for which the identity stands.
 
     Attributes:
         x: The level's vector: nodes of this rank, then those of others in their rows.
         parts: K's rows for the C code, with the values of the last `take`.
     """
 
-    def __init__(self, K: PETSc.Mat, rows: Ints, d: int):
+    def __init__(self, K: PETSc.Mat, rows: Ints, d: int, left: npt.NDArray[np.bool_]):
         self._comm, self.rows, self.d, self.nodes = K.comm, rows, d, len(rows) // d
         self._c = library(K.comm.tompi4py(), "multigrid")
-        self._K = K
+        self._K, self._left = K, np.ascontiguousarray(left, dtype=np.int8)
         self._number(MatrixParts(K, self._c))
         buffer = self._c.ffi.from_buffer
         self._places_read()
         self.scratch = np.full(self.nodes + self.ghosts, -1, dtype=np.int32)
         self._starts = np.zeros(self.nodes + 1, dtype=np.int32)
-        pattern = (self.nodes, d, buffer("int32_t[]", rows), self.parts)
+        pattern = (self.nodes, d, buffer("int32_t[]", rows), buffer("int8_t[]", self._left), self.parts)
         starts, seen = (buffer("int32_t[]", array) for array in (self._starts, self.scratch))
         count = self._c.lib.level_pattern(*pattern, seen, starts, self._c.ffi.NULL)
         self._columns = np.empty(count, dtype=np.int32)
@@ -68,7 +69,7 @@ class QuadraticLevel:
 
         d, size = self.d, len(self.rows)
         place = np.full(self._K.getLocalSize()[1], -1, dtype=np.int32)
-        place[self.rows] = np.arange(size)
+        place[self.rows] = np.where(self._left, -1, np.arange(size))
         self.begin = self._comm.tompi4py().exscan(self.nodes) or 0
         known, wanted = self._K.createVecRight(), PETSc.Vec().createSeq(len(parts.others))
         known.array_w[:] = np.where(place < 0, -1, place + d * self.begin)
@@ -103,7 +104,7 @@ class QuadraticLevel:
         buffer, c = self._c.ffi.from_buffer, self._c
         ints = [buffer("int32_t[]", array) for array in (self._starts, self._columns, self.scratch)]
         diagonal, values = np.empty_like(self._inverse), buffer("float[]", self._values)
-        rows = (self.nodes, self.d, buffer("int32_t[]", self.rows), self.parts)
+        rows = (self.nodes, self.d, buffer("int32_t[]", self.rows), buffer("int8_t[]", self._left), self.parts)
         c.lib.level_take(*rows, *ints, values, buffer("double[]", diagonal))
         self._inverse[:] = np.linalg.inv(diagonal)
         self._matrix = (self.nodes, *ints[:2], values)

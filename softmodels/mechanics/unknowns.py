@@ -8,7 +8,7 @@ can turn, r times T's second derivative.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,11 +35,13 @@ class Unknowns:
         idle: Owned entries of q that stand for nothing.
         turns: Whether T is other than linear.
         moving: The motions of rigid parts by their names.
+        slots: For each of them the rank that has its unknowns, and the entries of q that they are there (none elsewhere).
     """
 
     idle: Ints = np.empty(0, dtype=np.int32)
     turns = False
     moving: Mapping[str, RigidMotion] = {}
+    slots: Sequence[tuple[int, npt.NDArray[np.int64]]] = ()
 
     def __init__(self, n: int):
         self.n = n

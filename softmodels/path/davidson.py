@@ -29,6 +29,8 @@ MOST_SOLVES = 150
 """Solves after which an eigenvalue counts as not found, if no other number is given."""
 LOOSE, TIGHT = 1e-2, 1e-3
 """Tolerances of the solves: looser ones leave p that do not belong to their displacements, tighter ones gain nothing."""
+POLISH = 1e-2
+"""Share of an eigenvalue that its last correction may move it by, whose part of p need not belong to its displacement."""
 DEPENDENT = 1e-8
 """Share of a new direction that has to be left beside the space."""
 
@@ -119,7 +121,7 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
     space, count = Space(pencil), len(tolerances)
     for x in start:
         space.add(x.copy())
-    first, found = len(space.x), list[float]()
+    first, found, polished = len(space.x), list[float](), dict[int, float]()
     for _ in range(most):
         values, shares = np.linalg.eigh(space.K)
         chosen = _chosen(values, shares[:first], count)
@@ -132,18 +134,32 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
         slack = max(filter(math.isfinite, tolerances)) ** 2 * np.abs(here).max()
         while found and abs(found[-1] - here[len(found) - 1]) > slack:  # a lower one has come up since
             found.pop()
+            polished.pop(len(found), None)
         while len(found) < len(chosen) >= count and math.isinf(tolerances[min(len(found), count - 1)]):
             found.append(here[len(found)])
         if len(found) == len(chosen) >= count:
-            return Modes(here, [space.combined(column, space.x) for column in shares[:, chosen].T])
+            best = np.array([polished.get(k, value) for k, value in enumerate(here)])
+            return Modes(best, [space.combined(column, space.x) for column in shares[:, chosen].T])
         place = min(len(found), len(chosen) - 1)
         tolerance = tolerances[min(place, count - 1)]
         size, new = _correction(space, here[place], shares[:, chosen[place]], min(LOOSE, max(TIGHT, tolerance)))
         if size <= tolerance and len(found) < len(chosen):
             found.append(here[place])
+            polished[place] = _polished(space, here[place], new)
         elif not (math.isfinite(size) and space.add(new)):
             break
     raise NoConvergence("the lowest modes were not found")
+
+
+def _polished(space: Space, value: float, new: PETSc.Vec) -> float:
+    """An eigenvalue over the space with its last correction too, which is not kept: small ones may be rounding alone."""
+    kept = space.x, space.Kx, space.Mx, space.K
+    if not space.add(new):
+        return value
+    values = np.linalg.eigvalsh(space.K)
+    space.x, space.Kx, space.Mx, space.K = kept
+    best = float(values[np.argmin(np.abs(values - value))])
+    return best if abs(best - value) <= POLISH * abs(value) else value
 
 
 def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:

@@ -29,12 +29,12 @@ error is below its square then. A mode that does not get there in as many has th
 EIGENVALUE = 1e-10
 """What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer, for the lowest
 eigenvalue where K was factorised. Corrections of its mode elsewhere are not refined: they are directions to search in."""
-ROUGH, REFINED = 1e-3, 3e-6
+ROUGH, REFINED = 1e-3, 3e-5
 """Residuals to which it is looked for in single precision alone, and then refined by corrections of its mode: the eigenvalue's
 own error is about the square of the second."""
 MOST_REFINEMENTS = 30
 """Such corrections; where they are not enough, Lanczos' method is with refined back-substitutions from the start."""
-LOWEST, OTHERS, LOCATED = 1e-3, 5e-2, 1e-5
+LOWEST, OTHERS, LOCATED = 3e-4, 5e-2, 1e-5
 """Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
 of all where a bifurcation is located."""
 
@@ -236,12 +236,19 @@ class Iterated(Spectrum):
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
             solver.system.tangent_product(x.array_r, y.array_w)
 
-        return Pencil(product, self.M, solver.bordered.iterate)
+        def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
+            solver.bordered.iterate(b, x, tolerance)
+            solver.bordered.keep_volumes(x)  # to the last digits: a loose solve changes them a little
+
+        return Pencil(product, self.M, solve)
 
     def _start(self, modes: Sequence[PETSc.Vec]) -> Sequence[PETSc.Vec]:
-        """Where a search begins: with the modes known, or in the range of K^-1 M."""
+        """Where a search begins: with the modes known, or in the range of K^-1 M; with motions that keep the held volumes."""
         if modes:
-            return modes
+            kept = [mode.copy() for mode in modes]
+            for mode in kept:
+                self.solver.bordered.keep_volumes(mode)
+            return kept
         image, lifted = self.M.createVecLeft(), self.M.createVecRight()
         self.M.mult(self.seed, image)
         self.solver.bordered.iterate(image, lifted, OTHERS)
@@ -253,7 +260,7 @@ class Iterated(Spectrum):
             self._turn = self._turn % (BLOCK - 1) + 1
             tolerances = [OTHERS if k == self._turn else math.inf for k in range(BLOCK)]
             tolerances[0] = LOWEST
-        found = self._take(nearest(self._pencil(), [*self._start(modes), *self._before], tolerances))
+        found = self._take(nearest(self._pencil(), self._start([*modes, *self._before] if modes else ()), tolerances))
         self._before = list(modes[:1])
         return float(found.values[0]), found.vectors
 

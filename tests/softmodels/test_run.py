@@ -146,3 +146,20 @@ print(len(left))
     for files, count in (("()", 0), ("('dolfinx_jit_options.json',)", 1)):
         done = runs.run("-c", text.format(files=files), cwd=tmp_path)
         assert (done.status, done.out, done.err) == (0, f"{count}\n", "")
+
+
+def test_a_case_files_solver_is_replaced_and_its_run_gone_on_with_by_the_other(runs, tmp_path):
+    """A rigid plate on a membrane: begun by iterations, gone on with by a factorisation."""
+    text = '[geometry]\ndevice = "Membrane"\nplate_radius = "8 mm"\n[rigid.plate]\nface = "plate"\n[load]\nvolume_ml = "{}"\n'
+    for name, volumes in (("begun", "0,5"), ("whole", "0,5,8")):
+        (tmp_path / f"{name}.toml").write_text(f'name = "lifted"\n{text.format(volumes)}')
+    run = ("-m", "softmodels", "run", "--no-pictures", "--ranks", "1")
+    folders = [tmp_path / name for name in ("both", "direct")]
+    begun = runs.run(*run, tmp_path / "begun.toml", "--solver", "iterative", "-o", folders[0])
+    assert begun.status == 0 and 'method = "iterative"' in (folders[0] / "case.toml").read_text(), begun.err
+    done = runs.run(*run, tmp_path / "whole.toml", "--solver", "direct", "-o", folders[0], "--resume")
+    assert done.status == 0 and 'method = "direct"' in (folders[0] / "case.toml").read_text(), done.err
+    assert runs.run(*run, tmp_path / "whole.toml", "-o", folders[1]).status == 0
+    both, direct = ([row for row in runs.rows(folder) if row["requested"]] for folder in folders)
+    for key in ("pressure_Pa", "plate_z_mm", "stored_energy_mJ"):
+        assert [row[key] for row in both] == pytest.approx([row[key] for row in direct], rel=1e-8)

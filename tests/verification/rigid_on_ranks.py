@@ -35,9 +35,9 @@ DEVICES = (MEMBRANE, DISK, BEAM)
 LAW = sm.NeoHookean(30e3)
 
 
-def figures(system, pressures):
+def figures(system, pressures, method="auto"):
     """Volume, the plate's motion, and the lowest eigenvalue at the last of some pressures."""
-    solver, state = Solver(system), system.rest()
+    solver, state = Solver(system, method), system.rest()
     for pressure in pressures:
         solver.factorise(state)
         state = solver.solve(pressure_control(pressure), state.w, pressure)
@@ -51,9 +51,9 @@ def figures(system, pressures):
     return [state.V, stability.negative_eigenvalues(), stability.lowest(), *moved]
 
 
-def turned(system):
+def turned(system, method="auto"):
     """Motion of a plate that dead forces turn, the energy stored, and the lowest eigenvalue."""
-    solver = Solver(system)
+    solver = Solver(system, method)
     state = hang(solver, [("the forces", system.dead.amounts / system.dead.units)], lambda text: None).state
     solver.factorise(state)
     stability = Stability.of(solver)
@@ -73,7 +73,11 @@ def found(files):
     values = {
         "plate and rigid ring": figures(System(membrane, LAW, parts=parts), (0.01, 0.02)),
         "wedge with a plate": figures(System(disk, LAW, parts=[Rigid("top", name="plate")]), (0.1,)),
+        "wedge with a plate, by iterations": figures(
+            System(disk, LAW, parts=[Rigid("top", name="plate")]), (0.1,), "iterative"
+        ),
         "plate that turns": turned(System(beam, LAW, parts=pushed)),
+        "plate that turns, by iterations": turned(System(beam, LAW, parts=pushed), "iterative"),
     }
     return {name: list(map(float, np.asarray(one))) for name, one in values.items()}
 

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.case.case import Case, CaseError
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics import memory, methods
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.memory import TooLargeError
-from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
@@ -105,8 +103,3 @@ def test_model_that_does_not_fit(body_of, monkeypatch):
     assert switched.name == "iterative" and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.told
     with pytest.raises(TooLargeError, match='or solver="iterative"'):
         methods.chosen(system, "direct")
-
-
-def test_what_the_iterative_solver_cannot_do_is_refused_before_the_mesh():
-    with pytest.raises(CaseError, match=r'\[rigid\]: the iterative solver knows no rigid parts; use solver="direct"'):
-        Case("disk", SECTION, LAW, pressures_cm=(10.0,), parts=(Rigid(face="top"),), solver="iterative")
