@@ -134,7 +134,8 @@ class Factorised(Spectrum):
         found = nearest(Pencil(bordered.K.mult, self.M, solve), start, tolerances, MOST_REFINEMENTS)
         if found.negative != negatives:
             raise NoConvergence("the modes in single precision are other ones")
-        return float(found.values[0]), found.vectors
+        # The others as they were found first: what corrections of the lowest change in them is single precision's rounding.
+        return float(found.values[0]), [found.vectors[0], *start[1:]]
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         """See `Spectrum.corrected`.
