@@ -26,7 +26,7 @@ FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance
 ROUNDING = 1000.0  # tolerances at which a residual that falls no further is taken for rounding
 SAFE = 10.0  # times what rounding is foretold to leave
 LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
-ENOUGH = 0.3  # of Newton's tolerance, left by them
+ENOUGH, LAST = 0.3, 0.1  # of Newton's tolerance, left by them; and their tolerance at most where that is enough
 CLOSER = 0.1  # of Newton's tolerance where a cycle of multigrid solves: a factorisation leaves far less than asked for anyway
 TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
 
@@ -215,7 +215,8 @@ class Newton:
             return reasons.DIVERGED_DTOL
         # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
         forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
-        snes.getKSP().setTolerances(rtol=min(max(forcing, ENOUGH * tolerance / residual), loosest))
+        last = min(ENOUGH * tolerance / residual, LAST if self._since is None else loosest)
+        snes.getKSP().setTolerances(rtol=max(min(forcing, loosest), last))
         self._before = residual
         return reasons.ITERATING
 

@@ -55,20 +55,22 @@ def main() -> None:
     parser.add_argument("--size", default="2.0", help="cell size in mm: 2.0 has 12,000 dofs, 1.0 has 60,000")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--limit", type=float, default=900.0, help="seconds that a run may take")
+    parser.add_argument("--only", default="", help="part of the names of what is run, such as mixed")
     args = parser.parse_args()
+    runs = [name for name in RUNS if args.only in name]
     with tempfile.TemporaryDirectory() as folder:
         mesh = Path(folder) / "disk.msh"
         subprocess.run([sys.executable, str(HERE / "wedge_mesh.py"), args.size, str(mesh)], check=True)
-        for name in RUNS:
+        for name in runs:
             if name.startswith("softmodels"):
                 once(name, mesh, args.limit)
-        reports = [{name: once(name, mesh, args.limit) for name in RUNS} for _ in range(args.rounds)]
+        reports = [{name: once(name, mesh, args.limit) for name in runs} for _ in range(args.rounds)]
 
     print("| program | dofs | seconds (median) | times softmodels' | apex at 30 cm, mm | apex curve off by |")
     print("|---|---|---|---|---|---|")
-    for name in RUNS:
+    for name in runs:
         ours = next(
-            other for other in RUNS if other.startswith("softmodels") and other.split(",")[1] == name.split(",")[1]
+            other for other in runs if other.startswith("softmodels") and other.split(",")[1] == name.split(",")[1]
         )
         good = [(r[name], r[ours]) for r in reports if r[name] and r[ours]]
         if not good:
