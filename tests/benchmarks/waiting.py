@@ -9,9 +9,9 @@ shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes
 its own every time, so it meshes and compiles; ``slab1`` and ``slab2`` are one and two ranks under `mpirun`.
 
 Against ee3d6d7, before and after, medians of three on one machine: wedge with all its pictures 25.7 and 10.0 s (2.65 times), of
-which drawing after the last state takes 4; section 1.96 and 0.96 s (2.03 times). On another one help, CPU seconds, 1.00 and
-0.21 (4.2 times). The wedge's first run, two rounds, 41.6 and 19.2 s (2.2 times); the slab, one round, 94.8 and 56.4 s on one
-rank (1.68 times), 64.3 and 36.6 s on two (1.76 times).
+which drawing after the last state takes 4; section 1.96 and 0.96 s (2.03 times). Later and elsewhere, medians of five: section
+1.68 and 0.86 s (1.95 times), help 0.77 and 0.19 s (4.0 times). The wedge's first run, two rounds, 41.6 and 19.2 s (2.2 times);
+the slab, one round, 94.8 and 56.4 s on one rank (1.68 times), 64.3 and 36.6 s on two (1.76 times).
 """
 
 from __future__ import annotations
