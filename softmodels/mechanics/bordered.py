@@ -80,19 +80,8 @@ class Bordered:
         self._right, self._solution = self.vector(), self.vector()
 
     def precondition(self, ksp: PETSc.KSP, tolerance: float) -> PETSc.KSP:
-        """Make a linear solver GMRES with the bordered inverse as preconditioner, to a relative tolerance.
-
-        What is rounded to single precision is not linear to the last digits: the flexible kind adds up its very answers.
-        """
-        from petsc4py import PETSc
-
-        ksp.setType("fgmres" if self.inverse.exact else "gmres")
-        ksp.setGMRESRestart(self.inverse.restart)
-        ksp.setPCSide(PETSc.PC.Side.RIGHT)  # type: ignore[arg-type]
-        ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=self.inverse.most_iterations)
-        pc = ksp.getPC()
-        pc.setType("python")
-        pc.setPythonContext(self.shell)
+        """Make a linear solver GMRES with the bordered inverse as preconditioner, to a relative tolerance."""
+        self.inverse.on_the_right(ksp, self.shell, tolerance, self.inverse.most_iterations)
         return ksp
 
     @property

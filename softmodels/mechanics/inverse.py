@@ -51,6 +51,27 @@ class Inverse(abc.ABC):
         """How much older a solve to a relative tolerance has made it, in iterations."""
         return iterations
 
+    def on_the_right(self, ksp: PETSc.KSP, context: object, tolerance: float, most: int) -> None:
+        """Make a linear solver GMRES with a preconditioner that is made with this.
+
+        What is rounded to single precision is not linear to the last digits: the flexible kind adds up its very answers.
+
+        Args:
+            ksp: The linear solver.
+            context: PETSc's, of the preconditioner.
+            tolerance: Relative.
+            most: Iterations.
+        """
+        from petsc4py import PETSc
+
+        ksp.setType("fgmres" if self.exact else "gmres")
+        ksp.setGMRESRestart(self.restart)
+        ksp.setPCSide(PETSc.PC.Side.RIGHT)  # type: ignore[arg-type]
+        ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=most)
+        pc = ksp.getPC()
+        pc.setType("python")
+        pc.setPythonContext(context)
+
     @abc.abstractmethod
     def release(self) -> None:
         """Destroy what PETSc holds."""

@@ -52,14 +52,9 @@ class RigidCycle(Multigrid):
 
         self._free = PETSc.Mat().createPython(self.K.getSizes(), context=self._shell, comm=self.K.comm)
         self._free.setUp()
-        ksp = self._solver = PETSc.KSP().create(self.K.comm)
-        ksp.setType("gmres")
-        ksp.setGMRESRestart(self.restart)
-        ksp.setPCSide(PETSc.PC.Side.RIGHT)  # type: ignore[arg-type]
-        ksp.setTolerances(rtol=FOLLOWED, atol=0.0, max_it=self.restart)
-        ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(self._shell)
-        ksp.setOperators(self._free)
+        self._solver = PETSc.KSP().create(self.K.comm)
+        self.on_the_right(self._solver, self._shell, FOLLOWED, self.restart)
+        self._solver.setOperators(self._free)
 
     @staticmethod
     def memory(system: System) -> float:

@@ -1,8 +1,8 @@
-"""Eigenvalues of K x = lambda M x nearest zero, and all negative ones, without a factorisation: Davidson's method.
+"""Eigenvalues of K x = lambda M x nearest zero, and all negative ones, from rough answers of K^-1: Davidson's method.
 
-Rayleigh's quotient is made stationary over a growing space. Each new direction is a residual times K^-1, solved for by loose
-iterations, so that the space grows as that of inverse iteration does. A mode that is known from a state near by is where it
-begins. Davidson 1975, doi 10.1016/0021-9991(75)90065-0; Morgan and Scott 1986, doi 10.1137/0907054.
+Rayleigh's quotient is made stationary over a growing space. Each new direction is a residual times K^-1, by loose iterations
+or a factorisation in single precision, so that the space grows as that of inverse iteration does. A mode that is known from a
+state near by is where it begins. Davidson 1975, doi 10.1016/0021-9991(75)90065-0; Morgan and Scott 1986, doi 10.1137/0907054.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from geometries import MeshingStopped, kept_meshes
 from softmodels.case.case import Case
 from softmodels.materials.stability import weakness
+from softmodels.mechanics import c_library
 from softmodels.mechanics.compiling import CompilingError, cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.results.column import Solved
@@ -78,11 +79,9 @@ class Simulation:
             RunError: It was stopped meanwhile.
             GeometryError, MeshingError, OSError: See `Actuator.write`.
         """
-        from softmodels.mechanics import c_library
-
         device = self.case.actuator
         self.listener.say(kept_meshes.told(device))
-        if device.dimension == 3 and self.comm.rank == 0:
+        if device.dimension == 3 and is_root(self.comm):
             c_library.begin("moduli")
         try:
             on_root(self.comm, lambda: device.write(file, self.stopped))
