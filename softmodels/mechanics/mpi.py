@@ -69,6 +69,10 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     # MPICH's ranks spin while they wait; with more ranks than cores they would spin in each other's way, ten times slower.
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", str(_looks()))
+    if launched() in (None, _beside()):
+        # UCX, which MPICH sends by, watches all changes of memory for network cards; to begin that takes longer than MPI's
+        # start itself, and no card is used on one machine.
+        os.environ.setdefault("UCX_MEM_MMAP_HOOK_MODE", "none")
     if _started:
         return _world()
     _import_mpi()
@@ -122,8 +126,13 @@ def _looks() -> int:
     Where each rank has a core nobody else is kept from running, and a wedge is solved 5 % sooner by two ranks that look often.
     MPICH's launcher tells how many ranks there are on this machine; by another one it is not known.
     """
+    return MANY_LOOKS if 0 < _beside() <= cores() else FEW_LOOKS
+
+
+def _beside() -> int:
+    """How many ranks MPICH's launcher has started on this machine; -1 without it."""
     ranks = os.environ.get("MPI_LOCALNRANKS", "")
-    return MANY_LOOKS if ranks.isdecimal() and int(ranks) <= cores() else FEW_LOOKS
+    return int(ranks) if ranks.isdecimal() else -1
 
 
 def _world() -> MPI.Intracomm:

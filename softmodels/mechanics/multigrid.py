@@ -33,13 +33,13 @@ Array = npt.NDArray[np.float64]
 NONE = np.empty(0, dtype=np.int32)
 TIGHT = 1e-4
 """Tolerance from which on a solve shows how much a cycle has aged."""
-FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 8, 80
+FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 15, 80
 """Memory of a rank: bytes whatever the model, bytes per entry of K (blocks in single precision, those to p, the linear level),
 and vectors (of the levels, of GMRES, and of the modes that are followed). Measured along the paths of wedges of 17,300, 37,120,
-70,113 and 181,940 unknowns, mass matrix included: 39, 81, 134 and 397 MB taken, 46, 84, 146 and 361 MB foretold."""
-PER_SHARED_ENTRY = 16
+70,113 and 181,940 unknowns, mass matrix included: 54, 107, 188 and 486 MB taken, 57, 107, 189 and 476 MB foretold."""
+PER_SHARED_ENTRY = 19
 """The same per entry on several ranks, whose matrices PETSc keeps in two parts. Paths past a limit point, 70,113 and 181,940
-unknowns on two ranks: 0.19 and 0.50 GB taken on both, 0.21 and 0.50 GB foretold."""
+unknowns on two ranks: 0.23 and 0.56 GB taken on both, 0.23 and 0.56 GB foretold."""
 
 
 class Multigrid(Inverse):

@@ -72,13 +72,13 @@ class Continuation:
         V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
         solver.system.potential.keep(start.w, anew=self.start is None)
+        self.trail = Trail(solver)  # its mass matrix takes more memory while it is made than later: before the factors are there
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
         self.V0, self.plane = start.V, Plane.of(V_scale, tangent.compliance)
         self.requested = self.requested.counted(self.V0, rest.V)
         known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)
         self._known: dict[str, Followed] = {one.name: one for one in known}
-        self.trail = Trail(solver)
         self.trail.line = self.requested.name if self.control == "auto" else self.control
         self.corrector = Corrector(solver, self.trail, self.plane)
         if not self.requested.starts_forward(start, tangent):  # it starts where the device is unstable

@@ -33,6 +33,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import ctypes
 import itertools
 import math
 import resource
@@ -88,6 +89,7 @@ def run(folder: Path, angle: float, cell_mm: float, solver_name: str, one: bool)
     from softmodels.mechanics.mpi import on_root
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
+    from softmodels.path.stability import Stability
 
     disk = HollowDisk.variant("shadow", angle=angle, cell_size=cell_mm * 1e-3)
     with tempfile.TemporaryDirectory() as place:
@@ -100,11 +102,13 @@ def run(folder: Path, angle: float, cell_mm: float, solver_name: str, one: bool)
     system.assemble_tangent()
     unknowns, begun = system.K.getSize()[0], time.perf_counter()
     busy = time.process_time()
+    ctypes.CDLL(None).malloc_trim(0)  # what reading the mesh has freed would be taken again, and not be counted
     _, before = needed(comm, _now())
     methods.AMPLE = math.inf
     estimate = methods.chosen(system, solver_name).memory
     solver = Solver(system, solver_name)
     counted = Counted(solver.bordered)
+    Stability.of(solver)  # its mass matrix is made first, as at the beginning of a path
     began = time.process_time()
     solver.factorise(system.rest())
     first = time.process_time() - began

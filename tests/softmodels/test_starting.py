@@ -15,6 +15,7 @@ from softmodels.disk import command
 from softmodels.mechanics import mpi
 
 LOOKS = "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT"
+HOOKS = "UCX_MEM_MMAP_HOOK_MODE"
 
 
 @pytest.fixture
@@ -46,6 +47,25 @@ def test_ranks_with_a_core_each_look_often_for_messages(looks, ranks, cores, wan
 
 def test_a_users_own_choice_of_how_ranks_wait_stands(looks):
     assert looks("2", 8, before="7") == 7
+
+
+@pytest.mark.parametrize(
+    ("ranks", "beside", "wanted"),
+    [(None, None, "none"), ("2", "2", "none"), ("4", "2", None), ("2", None, None)],
+    ids=["alone", "one machine", "several machines", "another launcher"],
+)
+def test_memory_is_watched_for_network_cards_only_where_there_may_be_any(monkeypatch, ranks, beside, wanted):
+    for name, value in (("PMI_RANK", "0" if ranks else None), ("PMI_SIZE", ranks), ("MPI_LOCALNRANKS", beside)):
+        monkeypatch.delenv(name, raising=False)
+        if value is not None:
+            monkeypatch.setenv(name, value)
+    monkeypatch.setenv(HOOKS, "")  # put back after the test
+    monkeypatch.delenv(HOOKS)
+    mpi.start()
+    assert os.environ.get(HOOKS) == wanted
+    monkeypatch.setenv(HOOKS, "bistro")
+    mpi.start()
+    assert os.environ[HOOKS] == "bistro"  # a user's own choice
 
 
 SMALL = ("--section=axisymmetric", "--cell-size=6mm", "--pressure-cm=0,5", "--no-pictures", "--quiet")
