@@ -26,6 +26,8 @@ OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
 MEGA = 1e6
 TRIPLET = 16
 """Bytes of an entry and its place."""
+SENT = 3
+"""Copies of K where MUMPS hands entries from rank to rank: PETSc's, and what is sent and received."""
 DOUBLE = 1.95
 """How many times single precision's memory double precision takes: 1.91 on wedges and slabs of 17,502 to 88,570 unknowns."""
 SMALL = 6000
@@ -89,8 +91,8 @@ class Factorisation(Inverse):
 
         The first number is of the precision that is tried, the second of double, which a K near a critical point takes.
 
-        Measured on wedges of 37,120, 70,113 and 181,940 unknowns, with the mass matrix and vectors: 182, 345 and 1,222 MB
-        taken, 170, 335 and 1,138 MB foretold, in single precision.
+        Measured on wedges of 37,120, 70,113 and 181,940 unknowns, with the mass matrix and vectors, in single precision: 202, 388
+        and 1,241 MB taken, 189, 372 and 1,235 MB foretold; of the last two on two ranks 570 and 1,673 MB, and 523 and 1,621 MB.
 
         Args:
             K: An assembled matrix.
@@ -103,7 +105,8 @@ class Factorisation(Inverse):
             # A megabyte is never enough: MUMPS ends after its analysis, before it allocates.
             factor.setMumpsIcntl(23, 1)
             direct.setUp()
-        factors, copy = factor.getMumpsInfo(15) * MEGA, entries_here(K) / 2 * TRIPLET
+        copies = 1 if K.comm.size == 1 else SENT
+        factors, copy = factor.getMumpsInfo(15) * MEGA, copies * entries_here(K) / 2 * TRIPLET
         direct.destroy()
         return factors + copy, (DOUBLE if rounded else 1.0) * factors + copy
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
+from measurement import wording
 from softmodels.mechanics.factorisation import Factorisation, entries_here
 from softmodels.mechanics.inverse import Inverse
 from softmodels.mechanics.memory import GIGA, TooLargeError, available, needed
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.system import System
 
 METHODS = ("auto", "direct", "iterative")
+wording.choices(METHODS)
 AMPLE = 1e3
 """Bytes that are more than enough for a factorisation, times the unknowns to the power 4/3: three times what a cube's takes in
 double precision (307, 297 and 295 at 15,468, 49,072 and 93,469 unknowns), and ten times a slab's. Where there is as much, it is

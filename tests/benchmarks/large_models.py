@@ -12,17 +12,18 @@ Cells are in mm. ``--one`` solves one state at 1 cm alone, for models whose whol
 per run with the exponents between neighbouring sizes, and draws ``iterations.png``: those of the linear solve for the path's
 direction, to 1e-5, against the arc length.
 
-Figures of a busy machine (read ratios; CPU seconds of a rank), all from rest through the limit point and two states past it:
+Figures of one machine (read ratios; CPU seconds of a rank), all from rest through the limit point and two states past it:
 
-- One rank, ``--angle 15``: 17,300 unknowns, 1,720 cycles and 6 set-ups in 9.4 s, 39 MB (46 foretold). The whole wedge with
-  cells of 3, 1.1 and 0.71 mm: 37,120, 70,113 and 181,940 unknowns, 1,378, 1,339 and 1,551 cycles in 19.4, 39.3 and 120.9 s,
-  81, 134 and 397 MB (84, 146 and 361 foretold).
-- The same with ``--solver direct``: 547 to 562 back-substitutions and 7 factorisations in 17.9, 39.1 and 172.2 s, 182, 345 and
-  1,222 MB (170, 335 and 1,138 foretold).
+- One rank, ``--angle 15``: 17,300 unknowns, 1,901 cycles and 10 set-ups in 10.4 s, 54 MB (57 foretold). The whole wedge with
+  cells of 3, 1.1 and 0.71 mm: 37,120, 70,113 and 181,940 unknowns, 1,319, 1,493 and 1,544 cycles in 17.6, 42.3 and 121 s,
+  107, 188 and 486 MB (107, 189 and 476 foretold).
+- The same with ``--solver direct``: 472 to 477 back-substitutions and 7 factorisations in 16.4, 35.3 and 155 s, 202, 388 and
+  1,241 MB (189, 372 and 1,235 foretold); the last two on two ranks 23.4 and 111 s, 570 and 1,673 MB (523 and 1,621 foretold).
 - A cycle takes 3.3, 7.8 and 18 ms at 17,300, 37,120 and 70,113 unknowns, a set-up 0.08, 0.19 and 0.38 s.
-- Two ranks: 70,113 and 181,940 unknowns, limit points at 52.943466 and 52.941637 cm (the section's: 52.94014), 1,344 and 1,425
-  cycles, 26.4 and 81.2 s, 0.187 and 0.499 GB beside the model: exponents 1.18 of time and 1.03 of memory. Iterations 8 to 15,
-  5 at the limit point, 15 past it, and 10 to 19, 5 and 12.
+- Two ranks: 70,113, 181,940 and 1,054,962 (0.363 mm) unknowns, limit points at 52.943466, 52.941637 and 52.940303 cm (the
+  section's: 52.94014), 1,461, 1,605 and 2,315 cycles, 22.4, 64.9 and 621 s, 0.225, 0.558 and 3.07 GB beside the model (the last
+  with ``--one``; 3.17 foretold): exponents 1.23 of time and 0.96 of memory. Iterations 7 to 14, 7 to 14 and 8 to 21; at the
+  limit point 7, 7 and 12.
 - ``--one --cell-size 2`` on 1, 2, 4 and 8 ranks of two cores: 38,662 unknowns in 25, 24, 24 and 24 iterations, 218, 217, 214
   and 216 cycles.
 - GAMG from the quadratic displacements on, which came before: 37,120 unknowns, 1,910 cycles and 83.0 s on one rank; 70,113,
