@@ -172,8 +172,7 @@ def _answered(
     case, sampled = question.case, list[Sampled]()
     try:
         check_varied(case.actuator, question.tolerances, comm)
-        around = (case.sheet, case.obstacle, case.formulation, case.parts)
-        limits = find_limit(case.actuator, list(materials.values()), comm, *around)
+        limits = find_limit(case, list(materials.values()), comm)
         if question.tolerances:
             values = samples(question.tolerances, question.count, question.normal)
             first = next(iter(materials.values()))

@@ -91,8 +91,8 @@ class Factorisation(Inverse):
 
         The first number is of the precision that is tried, the second of double, which a K near a critical point takes.
 
-        Measured on wedges of 37,120, 70,113 and 181,940 unknowns, with the mass matrix and vectors, in single precision: 202, 388
-        and 1,241 MB taken, 189, 372 and 1,235 MB foretold; of the last two on two ranks 570 and 1,673 MB, and 523 and 1,621 MB.
+        Measured on wedges of 37,120, 70,113 and 181,940 unknowns, with the mass matrix and vectors, in single precision: 202,
+        388 and 1,241 MB taken, 189, 372 and 1,235 MB foretold; of the last two on two ranks 570 and 1,673, and 523 and 1,621.
 
         Args:
             K: An assembled matrix.

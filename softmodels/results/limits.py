@@ -22,11 +22,9 @@ from measurement.units import UnitError, brief, number, quantity
 from softmodels.case.case import STIFFNESS_RANGE, Case, CaseError
 from softmodels.materials.laws import Material
 from softmodels.mechanics.compiling import compiling
-from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.loads import weighed
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.parts import Part, PartError
-from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -72,24 +70,13 @@ class Limit:
         return self.kind in ("limit", "bifurcation")
 
 
-def find_limit(
-    actuator: Actuator,
-    materials: Sequence[Material],
-    comm: MPI.Comm,
-    sheet: Sheet | None = None,
-    obstacle: Obstacle | None = None,
-    formulation: str = "mixed",
-    parts: Sequence[Part] = (),
-) -> list[Limit]:
+def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> list[Limit]:
     """Limits of one device in several materials; it is meshed once.
 
     Args:
-        actuator: The device.
+        case: The device, what is around it, and how its equations are solved; its load and material are not looked at.
         materials: The silicones.
         comm: MPI communicator.
-        sheet, obstacle: What is bonded to it, and what it comes to rest on.
-        formulation: As a case has it.
-        parts: What else is added to it.
 
     Raises:
         MeshingError, BodyError, MaterialError, ObstacleError, PartError: As for a run.
@@ -101,18 +88,19 @@ def find_limit(
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(comm.bcast(folder)) / "device.msh"
-        on_root(comm, lambda: actuator.write(path))
-        body = Body.from_file(actuator, path, comm)
+        on_root(comm, lambda: case.actuator.write(path))
+        body = Body.from_file(case.actuator, path, comm)
         comm.barrier()
     known: dict[tuple[type[Material], int, tuple[Part, ...]], tuple[Solver, Fields]] = {}
     found = []
     try:
         for material in materials:
-            own = weighed(parts, material)
+            own = weighed(case.parts, material)
             key = (type(material), len(getattr(material, "mu", ())), own)
             if key not in known:
                 with compiling():
-                    solver = Solver(System(body, material, formulation, sheet, obstacle, own))
+                    system = System(body, material, case.formulation, case.sheet, case.obstacle, own)
+                    solver = Solver(system, case.solver)
                     known[key] = solver, Fields(solver)
             solver, fields = known[key]
             solver.system.set_material(material)
@@ -262,7 +250,7 @@ def scatter(
     """The limit of each sampled device, with its parameters.
 
     Args:
-        case: The device as drawn and what is around it; its load and material are not looked at.
+        case: See `find_limit`; the device as drawn.
         material: The silicone.
         tolerances: The parameters that are sampled.
         values: See `samples`, shape (count, parameters).
@@ -278,6 +266,5 @@ def scatter(
             device = case.actuator.made(changes)
         except GeometryError as error:
             raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
-        around = (case.sheet, case.obstacle, case.formulation, case.parts)
-        found.append((changes, find_limit(device, [material], comm, *around)[0]))
+        found.append((changes, find_limit(dataclasses.replace(case, actuator=device), [material], comm)[0]))
     return found

@@ -161,13 +161,14 @@ def limit(
     obstacle: Obstacle | None = None,
     formulation: str = "mixed",
     parts: Sequence[Part] = (),
+    solver: str = "auto",
 ) -> Limit:
     """How far a device can be inflated: its first limit point or bifurcation, and where it is strained most there.
 
     Args:
         device: The device.
         material: Its silicone.
-        sheet, obstacle, formulation, parts: As of a `Case`.
+        sheet, obstacle, formulation, parts, solver: As of a `Case`.
 
     Raises:
         CaseError: What cannot be meant.
@@ -179,10 +180,11 @@ def limit(
 
     # What no case may be, no limit is asked of; its load is not looked at.
     around = {"sheet": sheet, "obstacle": obstacle, "parts": tuple(parts)}
-    Case("limit", device, material, pressures_cm=(1.0,), formulation=formulation, **around)  # type: ignore[arg-type]
+    how = {"formulation": formulation, "solver": solver}
+    case = Case("limit", device, material, pressures_cm=(1.0,), **around, **how)  # type: ignore[arg-type]
     comm = start()
     try:
         with sentences():
-            return find_limit(device, [material], comm, sheet, obstacle, formulation, parts)[0]
+            return find_limit(case, [material], comm)[0]
     except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error

@@ -14,7 +14,6 @@ from softmodels.case.material_errors import MaterialErrors
 from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.pictures.style import headline
 from softmodels.results.columns import term
-from softmodels.results.limits import find_limit
 from softmodels.results.notes import band_notes
 from softmodels.results.state_words import state_words
 
@@ -88,13 +87,13 @@ def test_under_a_weight(heavy_run, column):
     assert heavy_run.rows[0]["pressure_cm"] == 0.0 and heavy_run.rows[0]["apex_95_mm"] > 0.02
 
 
-def test_the_limit_under_a_weight(heavy_run, comm):
+def test_the_limit_under_a_weight(heavy_run):
     row = next(row for row in heavy_run.rows if row["limit"])
-    (limit,) = find_limit(DISK, [law()], comm, parts=HEAVY)
+    limit = sm.limit(DISK, law(), parts=HEAVY)
     assert limit.pressure == pytest.approx(row["pressure_cm"] * heavy_run.case.cm, rel=1e-6)
-    (plain,) = find_limit(DISK, [law()], comm)
+    plain = sm.limit(DISK, law())
     assert abs(limit.pressure / plain.pressure - 1) > 1e-3
-    expected = half(slopes(lambda other: find_limit(DISK, [other], comm, parts=HEAVY)[0].pressure))
+    expected = half(slopes(lambda other: sm.limit(DISK, other, parts=HEAVY).pressure))
     assert row["pressure_95_cm"] * heavy_run.case.cm == pytest.approx(expected, rel=1e-3)
 
 

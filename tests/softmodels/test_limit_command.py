@@ -12,6 +12,7 @@ import warnings
 import numpy as np
 import pytest
 
+import softmodels as sm
 from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
 from geometries.fields import about
 from softmodels.__main__ import softmodels
@@ -22,18 +23,25 @@ from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.loads import Gravity, Mass
+from softmodels.mechanics.multigrid import Multigrid
 from softmodels.results.limits import Tolerance, find_limit, samples
 from softmodels.results.varied import check_varied
 
 THIN = HollowDisk.variant("shadow", support="base", fillet=0.0, base_fillet=0.0, section="axisymmetric")
 ONE = PneuNet(chambers=1, chamber_width=8e-3, chamber_height=8e-3, cell_size=5e-3)
+LAW = NeoHookean(20e3, 0.49)
 OPTIONS = ("--variant", "shadow", "--support", "base", "--fillet", "0mm", "--base-fillet", "0mm")
+
+
+def case_of(device, parts=(), **how):
+    """A case whose load and material do not matter."""
+    return Case(device.stem, device, LAW, pressures_cm=(1.0,), parts=parts, **how)
 
 
 def test_thin_disk_is_limited_and_a_stiffening_one_is_not(comm):
     """The thin disk of the bench: 34.1 cm for the isochoric neo-Hookean law, 34.5 cm for the thesis' own."""
     materials = [MooneyRivlin(10e3, 0.0, 0.495), NeoHookean(20e3, 0.495), Yeoh(10e3, 2e3, 500.0, 0.495)]
-    isochoric, thesis, stiffening = find_limit(THIN, materials, comm)
+    isochoric, thesis, stiffening = find_limit(case_of(THIN), materials, comm)
     assert isochoric.kind == thesis.kind == "limit"
     assert isochoric.pressure / 95.124 == pytest.approx(34.1, rel=5e-3)
     assert thesis.pressure / 95.124 == pytest.approx(34.5, rel=2e-3)
@@ -79,9 +87,9 @@ def test_tolerances_scatter_the_limit(runs, tmp_path):
 
 def test_tolerances_scatter_the_limit_under_a_weight(runs, tmp_path, comm):
     """Each sampled device bears its own weight and the mass on it, as a single one of its thickness does."""
-    heavy, law = (Gravity("-z"), Mass("top", 0.020)), NeoHookean(20e3, 0.49)
+    heavy = (Gravity("-z"), Mass("top", 0.020))
     coarse = dataclasses.replace(THIN, cell_size=0.004)
-    (tmp_path / "case.toml").write_text(Case("disk", coarse, law, pressures_cm=(1.0,), parts=heavy).to_toml())
+    (tmp_path / "case.toml").write_text(case_of(coarse, heavy).to_toml())
     done = runs.run("-m", "softmodels", "limit", tmp_path / "case.toml",
                     "--vary", "membrane=2mm+-0.2mm", "--samples", "3", "--output", tmp_path / "limit")  # fmt: skip
     assert done.status == 0 and "3 devices" in done.out
@@ -89,8 +97,23 @@ def test_tolerances_scatter_the_limit_under_a_weight(runs, tmp_path, comm):
         rows = [(float(row["membrane"]), float(row["limit_cm"])) for row in csv.DictReader(file)]
     for thickness, limit in rows:
         device = dataclasses.replace(coarse, membrane=thickness)
-        with_it, without = (find_limit(device, [law], comm, parts=parts)[0].pressure / 95.1243 for parts in (heavy, ()))
+        with_it, without = (
+            find_limit(case_of(device, parts), [LAW], comm)[0].pressure / 95.1243 for parts in (heavy, ())
+        )
         assert limit == pytest.approx(with_it, rel=1e-4) and abs(with_it / without - 1) > 1e-3
+
+
+def test_a_limit_is_found_with_the_solver_of_its_case(comm, monkeypatch):
+    """By iterations it is the same one."""
+    case = case_of(dataclasses.replace(THIN, cell_size=0.004))
+    direct, iterative = (
+        find_limit(dataclasses.replace(case, solver=solver), [LAW], comm)[0] for solver in ("direct", "iterative")
+    )
+    assert iterative.pressure == pytest.approx(direct.pressure, rel=1e-8) and iterative.kind == "limit"
+    made = []
+    monkeypatch.setattr(Multigrid, "set_up", lambda self, real=Multigrid.set_up: (made.append(self), real(self))[1])
+    find_limit(dataclasses.replace(case, solver="iterative"), [LAW], comm)
+    assert made
 
 
 def test_every_silicone_has_its_own_weight(comm):
@@ -99,12 +122,12 @@ def test_every_silicone_has_its_own_weight(comm):
     assert type(soft) is type(hard) and density_of(soft) < 0.95 * density_of(hard)
     membrane = dataclasses.replace(THIN, cell_size=0.004)
     down = (Gravity("-z", magnitude=98.1),)
-    both = find_limit(membrane, [soft, hard], comm, parts=down)
-    alone = find_limit(membrane, [hard], comm, parts=down)
+    both = find_limit(case_of(membrane, down), [soft, hard], comm)
+    alone = find_limit(case_of(membrane, down), [hard], comm)
     assert both[1].pressure == pytest.approx(alone[0].pressure, rel=1e-7)
 
 
-def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path, comm):
+def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path):
     """The slopes told, against differences of devices drawn thinner, and with their cavities higher in the same height."""
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, "--shear-modulus", "20kPa", "--cell-size", "4mm", "--vary",
                     "membrane=2mm+-0.1mm", "--vary", "offset=0mm+-0.1mm", "--samples", "6", "--output", tmp_path)  # fmt: skip
@@ -112,7 +135,7 @@ def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path, c
     told = dict(re.findall(r"(membrane|offset): .* by about ([+-][\d.]+) %", done.out))
     drawn = dataclasses.replace(THIN, cell_size=0.004)
     thicker, thinner, higher, lower = (
-        find_limit(dataclasses.replace(drawn, membrane=membrane, base=base), [NeoHookean(20e3)], comm)[0].pressure
+        sm.limit(dataclasses.replace(drawn, membrane=membrane, base=base), NeoHookean(20e3)).pressure
         for membrane, base in ((2.1e-3, 5e-3), (1.9e-3, 5e-3), (1.9e-3, 5.1e-3), (2.1e-3, 4.9e-3))
     )
     assert float(told["membrane"]) == pytest.approx(np.log(thicker / thinner) / np.log(2.1 / 1.9), rel=0.05)

@@ -107,6 +107,20 @@ def test_outlines_of_a_run_give_its_material_back(name, run_of, figure):
                found.fit.values[number] / getattr(TRUE, number) - 1, 5e-8)  # fmt: skip
 
 
+def test_a_fit_takes_the_solver_of_its_case(run_of, figure):
+    """By iterations it comes to the same numbers with the same error bars."""
+    device, parts, cms = DEVICES["disk, its own weight"]
+    outlines = photographed(run_of("disk, its own weight"), cms[::2], np.random.default_rng(5))
+    direct, iterative = (
+        sm.fit(dataclasses.replace(case_of(device, parts), solver=solver), outlines, "yeoh", QUICK).chosen.fit
+        for solver in ("direct", "iterative")
+    )
+    for name in ("c1", "c2"):
+        apart = (iterative.values[name] - direct.values[name]) / direct.error(name)
+        figure("a fit by a factorisation, in standard errors", "the fit by iterations", apart, 1e-4)
+        assert iterative.error(name) == pytest.approx(direct.error(name), rel=1e-5)
+
+
 def test_error_bars_are_honest_under_a_weight(run_of):
     device, parts, cms = DEVICES["membrane with a plate of 20 g"]
     rng, away = np.random.default_rng(7), []
