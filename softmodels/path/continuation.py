@@ -72,9 +72,7 @@ class Continuation:
         V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
         solver.system.potential.keep(start.w, anew=self.start is None)
-        self.trail = Trail(
-            solver
-        )  # before there are factors: its mass matrix takes more memory while it is made than later
+        self.trail = Trail(solver)  # before there are factors: to make its mass matrix takes memory
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
         self.V0, self.plane = start.V, Plane.of(V_scale, tangent.compliance)
