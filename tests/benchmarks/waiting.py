@@ -8,10 +8,10 @@ CPU seconds are of the command and its processes together, and tell the same on 
 shows in the wall time alone, which needs an idle machine. ``--only NAME`` takes one of the commands. ``cold`` has a cache of
 its own every time, so it meshes and compiles; ``slab1`` and ``slab2`` are one and two ranks under `mpirun`.
 
-Against ee3d6d7, before and after, medians of three on one machine: wedge with all its pictures 25.7 and 10.0 s (2.65 times), of
-which drawing after the last state takes 4; section 1.96 and 0.96 s (2.03 times). Later and elsewhere, medians of five: section
-1.68 and 0.86 s (1.95 times), help 0.77 and 0.19 s (4.0 times). The wedge's first run, two rounds, 41.6 and 19.2 s (2.2 times);
-the slab, one round, 94.8 and 56.4 s on one rank (1.68 times), 64.3 and 36.6 s on two (1.76 times).
+Against ee3d6d7, before and after in wall seconds, on one idle machine with a cache of its own (``XDG_CACHE_HOME``: FFCx lists
+all of it for every module): help 0.80 and 0.20 s (4.1 times), a refused option the same, section 1.65 and 0.81 s (2.02 times;
+2.04 in nine rounds), wedge with all its pictures 22.4 and 7.7 s (2.9 times), its first run 36.8 and 12.8 s (2.9 times), medians
+of three; the slab, one round, 78.9 and 33.9 s on one rank, 51.2 and 22.2 s on two (2.3 times each).
 """
 
 from __future__ import annotations
