@@ -53,7 +53,7 @@ class Signature:
 
     Attributes:
         negative_eigenvalues: Of the tangent at a given pressure: directions in which the energy falls; 0 if stable.
-        lowest: Lowest eigenvalue, dimensionless (shear moduli over squared sizes), to 1e-9 of itself, or to 1e-3 where it is
+        lowest: Lowest eigenvalue, dimensionless (shear moduli over squared sizes), to 1e-9 of itself, or to 1e-4 where it is
             not exact; nan if it was not found.
         exact: Whether K was factorised here. Else their number is the last factorised point's, and the eigenvalue has kept
             away from zero since.
