@@ -152,6 +152,9 @@ def _named_term(column: str, device: Actuator | None) -> Term | None:
     if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
         text = "of a named point its place in this state, of a rigid part how far its centre has moved"
         return described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
+    if unit == "mm" and name.endswith("_off"):
+        text = "how far from where that point was named the place on the surface lies that is followed, undeformed"
+        return described(column, (f"{name.removesuffix('_off').replace('_', ' ')}, off the surface", text))
     if unit == "°":
         return described(
             column, (name.replace("_", " "), "named angle: by how much its line has turned, or between its two lines")

@@ -183,15 +183,8 @@ def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
 
 def place_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """A sentence on each named point that is followed somewhere else than where it was named."""
-    first = next((row for row in rows if not row["step"]), None)
-    if first is None or not case.gauges.points:
-        return []
-    said = []
-    for name, wanted in case.gauges.places.items():
-        at = [1e-3 * float(first[f"{name}_{axis}_mm"]) for axis in "xyz"]
-        if (away := math.dist(at, wanted)) > NEAR * case.actuator.size:
-            said.append(followed_text(name, at, away))
-    return said
+    away = {name: 1e-3 * rows[0].get(column) for name, column in case.gauges.off_columns.items()} if rows else {}
+    return [followed_text(name, far) for name, far in away.items() if far > NEAR * case.actuator.size]
 
 
 def left_out(case: Case) -> str:
