@@ -6,14 +6,10 @@ import dataclasses
 from collections.abc import Mapping
 from typing import ClassVar
 
-import numpy as np
-import numpy.typing as npt
-
 from geometries.kinds import Quantity, Text
 from softmodels.case import material_table
 from softmodels.materials.casting import sheet_of
 from softmodels.materials.stability import check_rest
-from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed
 from softmodels.mechanics.loads import check_density
 from softmodels.mechanics.parts import PartError, register_part
 from softmodels.mechanics.regions import RegionPart
@@ -25,7 +21,7 @@ MODULI = (500.0, 1e12)
 
 @register_part
 @dataclasses.dataclass(frozen=True)
-class Region(RegionPart, HeavyPart):
+class Region(RegionPart):
     """A region in another material, bonded to its neighbours.
 
     Attributes:
@@ -55,12 +51,10 @@ class Region(RegionPart, HeavyPart):
         if self.density is not None:
             check_density(DENSITY.settled(f"{self.where} density", self.density), self.where)
 
-    def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
+    @property
+    def own_density(self) -> float | None:
         sheet = sheet_of(self.material)
-        own = self.density if self.density is not None else sheet.density if sheet else density
-        if own == density:
-            return []
-        return [Weighed([on.mean(along, region=self.name)], (own - density) * on.volume(self.name))]
+        return self.density if self.density is not None else sheet.density if sheet else None
 
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Region:

@@ -41,6 +41,11 @@ class RegionPart(Part):
         """Raise `PartError` where a device has no such region."""
         check_regions(self.where, actuator, [self.name])
 
+    @property
+    def own_density(self) -> float | None:
+        """In kg/m3; None for that of `softmodels.mechanics.loads.Gravity`."""
+        return None
+
 
 class RigidRegion(RegionPart):
     """A region that is rigid."""
