@@ -19,6 +19,7 @@ from softmodels.mechanics.mpi import on_root
 from softmodels.results.limits import Limit
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.results.row import Row
 from softmodels.results.state_words import state_words
 from softmodels.results.store import Results
 from softmodels.runs.between import solve_between
@@ -62,12 +63,11 @@ class Run:
 
     Attributes:
         case: What was run.
-        rows: Rows of ``path.csv``, one for each state, with that file's units.
         branch: The branch that leaves the path at its first bifurcation, where that was asked for and there is one; else None.
     """
 
     def __init__(self, source: Source, ended: Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
-        self.case, self.rows, self.branch = source.case, source.rows, branch
+        self.case, self.branch = source.case, branch
         self._source, self._ended, self._comm = source, ended, comm
         self._solved: dict[tuple[str, float], SolvedState] = {}
 
@@ -79,10 +79,17 @@ class Run:
 
     # -- the path as arrays -------------------------------------------------------------------------------------------
 
-    @functools.cached_property
+    @property
+    def rows(self) -> list[Row]:
+        """Rows of ``path.csv``, one for each state, with that file's units."""
+        return list(self._source.rows)
+
+    @property
     def path(self) -> dict[str, npt.NDArray[np.generic]]:
-        """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it."""
-        return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
+        """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it. Made anew each
+        time it is asked for, so that it can be changed."""
+        rows = self.rows
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     @property
     def pressure(self) -> Array:
@@ -182,7 +189,7 @@ class Run:
             raise RunError(self._not_there(value, quantity, there))
         if (quantity, wanted) not in self._solved:
             self._solved[quantity, wanted] = solve_between(self._source, quantity, wanted, there)
-        return self._solved[quantity, wanted]
+        return dataclasses.replace(self._solved[quantity, wanted])  # with a grid of its own
 
     def where(self, column: str, value: float) -> SolvedState:
         """The first state at which a figure of the path has a value, such as a plate its height; solved for, as by `at`.
@@ -207,7 +214,7 @@ class Run:
             raise RunError(f"the run has no state with {column} {wanted:g}: it goes from {low:.4g} to {high:.4g}{why}")
         if (column, wanted) not in self._solved:
             self._solved[column, wanted] = solve_between(self._source, column, wanted, there)
-        return self._solved[column, wanted]
+        return dataclasses.replace(self._solved[column, wanted])
 
     def _asked(self, value: str | float) -> tuple[str, float]:
         """What is asked for, and the value in SI units."""

@@ -6,12 +6,14 @@ import dataclasses
 import functools
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from measurement.own_files import is_same
+from measurement.read_only import keep_arrays, read_only
 from softmodels.case.case import Case
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.restart import Restart
@@ -149,7 +151,7 @@ class InFolder:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SolvedState:
-    """One state of a run, SI units.
+    """One state of a run, SI units. Its arrays are read-only; ``state.displacement.copy()`` can be changed.
 
     Attributes:
         row: Its row of ``path.csv``, with that file's units.
@@ -165,6 +167,12 @@ class SolvedState:
     cells: npt.NDArray[np.int64]
     cell_name: str
     fields: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        # The arrays are the run's own: what `Run.at` solves next and `Run.save` writes starts from them.
+        keep_arrays(self)
+        fields = {name: read_only(values) for name, values in self.fields.items()}
+        object.__setattr__(self, "fields", MappingProxyType(fields))
 
     @property
     def pressure(self) -> float:
@@ -202,9 +210,10 @@ class SolvedState:
         moves it."""
         import pyvista
 
-        grid = pyvista.UnstructuredGrid({VTK_CELLS[self.cell_name]: self.cells}, self.points)
+        # Copies: VTK writes into what it is given, and a grid is changed freely.
+        grid = pyvista.UnstructuredGrid({VTK_CELLS[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():
-            grid.point_data[name] = values
+            grid.point_data[name] = values.copy()
         return grid
 
 

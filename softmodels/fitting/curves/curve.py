@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from measurement.read_only import keep_arrays
 from softmodels.fitting.curves.columns import Column, TensileError, in_si, read_table, told_columns
 from softmodels.materials.homogeneous import MODES
 
@@ -77,6 +78,9 @@ class TensileCurve:
     remarks: tuple[str, ...] = ()
     noise: float | None = None
     readings: float = 1.0
+
+    def __post_init__(self) -> None:
+        keep_arrays(self, copy=True)
 
     def within(self, low: float, high: float) -> TensileCurve:
         """The part between two stretches.
