@@ -12,6 +12,7 @@ import numpy.typing as npt
 from geometries.kinds import Quantity, Text
 from softmodels.case import material_table
 from softmodels.materials.casting import sheet_of
+from softmodels.materials.material import SOFTEST
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed
 from softmodels.mechanics.loads import check_density
@@ -19,7 +20,7 @@ from softmodels.mechanics.parts import PartError, register_part
 from softmodels.mechanics.regions import RegionPart
 
 DENSITY = Quantity("kg/m^3")
-MODULI = (500.0, 1e12)
+MODULI = (SOFTEST, 1e12)
 """Shear moduli in Pa that a region can have, from the softest gels to hard metals."""
 
 
@@ -53,7 +54,9 @@ class Region(RegionPart, HeavyPart):
             )
         check_rest(self.material)
         if self.density is not None:
-            check_density(DENSITY.settled(f"{self.where} density", self.density), self.where)
+            density = DENSITY.settled(f"{self.where} density", self.density)
+            check_density(density, self.where)
+            object.__setattr__(self, "density", density)
 
     def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
         sheet = sheet_of(self.material)

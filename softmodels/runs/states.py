@@ -18,9 +18,10 @@ from softmodels.case.case import Case
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.restart import Restart
 from softmodels.results.row import Row
-from softmodels.results.store import RESTART, Results
+from softmodels.results.store import RESTART, Results, ResultsError
 from softmodels.results.stored import States
 from softmodels.results.stored_step import KEPT
+from softmodels.results.writing import hdf5_reason
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.step import Step
 
@@ -116,7 +117,7 @@ class InFolder:
     """
 
     def __init__(self, folder: Path, home: Path | None = None):
-        folder = folder.absolute()  # the caller may step into another one
+        folder = _absolute(folder)  # the caller may step into another one
         states = States(folder, Case.from_file(folder / "case.toml").name)
         self.folder, self._results = folder, states.results
         self._mesh = (folder if home is None else home) / f"{states.case.name}.msh"
@@ -139,14 +140,28 @@ class InFolder:
         from softmodels.results.state_dofs import RAW
 
         names = [*PUBLIC, *(name for pair in RAW for name in pair)]
-        there = tuple(name for name in names if self._results.has(step, [name]))
-        return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
+        try:
+            there = tuple(name for name in names if self._results.has(step, [name]))
+            return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
+        except (OSError, KeyError) as error:
+            raise self._gone(error) from None
 
     def restart(self, step: int) -> Restart:
         return self._results.stored[step].restart
 
     def mesh(self) -> bytes:
-        return self._mesh.read_bytes()
+        try:
+            return self._mesh.read_bytes()
+        except OSError as error:
+            raise self._gone(error) from None
+
+    def _gone(self, error: Exception) -> ResultsError:
+        """What is raised where the folder has changed since it was loaded."""
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else hdf5_reason(error)
+        return ResultsError(
+            f"the states in {self.folder} cannot be read any more ({reason}); put the folder back where it was, or load it "
+            "from where it is now"
+        )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -215,6 +230,17 @@ class SolvedState:
         for name, values in self.fields.items():
             grid.point_data[name] = values.copy()
         return grid
+
+
+def _absolute(folder: Path) -> Path:
+    """A folder from wherever the caller is; `ResultsError` where that is a folder that was deleted."""
+    try:
+        return folder.absolute()
+    except OSError:
+        raise ResultsError(
+            f"{folder} is counted from the folder that this program runs in, and that is not there any more; step into another "
+            "one, or give a whole path"
+        ) from None
 
 
 def _public(fields: Mapping[str, Array]) -> dict[str, Array]:
