@@ -25,6 +25,7 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
 from geometries.selections import faces, point
+from measurement.arguments import checked
 from measurement.wording import Spoken
 
 Array = npt.NDArray[np.float64]
@@ -37,6 +38,7 @@ class GaugeError(Spoken, ValueError):
     """Points, angles or a profile that cannot be told; the message is a sentence for the user."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Gauges:
     """Points by name, angles by name as one or two lines from point to point, and the plane of the profile.

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from geometries.errors import FieldError
 from geometries.fields import About
 from geometries.kinds import Text, Words
+from measurement.arguments import checked
 from measurement.toml_file import TomlError, read_toml
 from softmodels.case import material_table
 from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
@@ -23,6 +24,7 @@ WIDTH_95 = 2 * 1.959964
 """Standard deviations in a 95 % interval."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class MaterialErrors:
     """How uncertain a material is.

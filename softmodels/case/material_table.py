@@ -10,6 +10,7 @@ from geometries.errors import FieldError
 from geometries.kinds import Quantity, Text
 from measurement.toml_file import TomlError, read_toml
 from measurement.units import exact_text
+from measurement.wording import known_are
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.material import LAWS, Material, MaterialError
 from softmodels.materials.silicones import PRODUCTS, silicone_called
@@ -61,8 +62,8 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
     elif law.endswith(".toml") or Path(law).is_file():
         return _from_file(law, given)
     else:
-        known = ", ".join([*LAWS, *PRODUCTS])
-        raise MaterialError(f"material {law!r} is neither a law, a silicone nor a TOML file; known are {known}")
+        known = known_are(law, [*LAWS, *PRODUCTS])
+        raise MaterialError(f"material {law!r} is neither a law, a silicone nor a TOML file; {known}")
     return from_table({**table, **given})
 
 
@@ -118,10 +119,8 @@ def from_table(table: Mapping[str, object]) -> Material:
         silicone = values.pop("silicone")
         found = silicone_called(silicone) if isinstance(silicone, str) else None
         if found is None:
-            known = ", ".join(PRODUCTS)
-            raise MaterialError(
-                f"silicone {silicone!r} is unknown; known are {known}, and their sources (softmodels silicones)"
-            )
+            known = known_are(silicone, PRODUCTS, ", and their sources (softmodels silicones)")
+            raise MaterialError(f"silicone {silicone!r} is unknown; {known}")
         return from_table({**to_table(found.material), **values})
     if "law" not in values:
         known = f"a law (law = one of {', '.join(LAWS)})"
@@ -131,7 +130,7 @@ def from_table(table: Mapping[str, object]) -> Material:
         )
     name = values.pop("law")
     if not isinstance(name, str) or name not in LAWS:
-        raise MaterialError(f"law {name!r} is unknown; known are {', '.join(LAWS)}")
+        raise MaterialError(f"law {name!r} is unknown; {known_are(name, LAWS)}")
     law = LAWS[name]
     fields = {field.name: field for field in dataclasses.fields(law)}
     convention = values.pop(CONVENTION, law.conventions[0]) if law.conventions else ""

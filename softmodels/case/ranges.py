@@ -6,8 +6,9 @@ import itertools
 import math
 import re
 
+from measurement.common_units import FACTORS
 from measurement.units import UnitError, brief, numbers, quantity
-from measurement.wording import Spoken
+from measurement.wording import Spoken, meant
 
 ML = 1e-6
 """m3 in one ml."""
@@ -107,8 +108,11 @@ def _scale(unit: str, text: str, written: str, what: str, pascal_in_cm: float) -
     factor = factor_of(written, "Pa" if unit == "cm" else "m^3")
     if factor is None:
         examples = "0:177 cm or 0:17 kPa" if unit == "cm" else "0:60 ml"
+        known = ["cm", *FACTORS["Pa"]] if unit == "cm" else FACTORS["m^3"]
         trouble = f"an unknown unit, {brief(written)}" if written else "no unit"
-        raise SeriesError(f"{what} {brief(text)} has {trouble}; write it like {examples}, or give numbers in SI units")
+        raise SeriesError(
+            f"{what} {brief(text)} has {trouble}; write it like {examples}, or give numbers in SI units{meant(written, known)}"
+        )
     return factor / (pascal_in_cm if unit == "cm" else ML)
 
 

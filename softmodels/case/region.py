@@ -9,13 +9,14 @@ from typing import ClassVar
 from geometries.kinds import Quantity, Text
 from softmodels.case import material_table
 from softmodels.materials.casting import sheet_of
+from softmodels.materials.material import SOFTEST
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.loads import check_density
 from softmodels.mechanics.parts import PartError, register_part
 from softmodels.mechanics.regions import RegionPart
 
 DENSITY = Quantity("kg/m^3")
-MODULI = (500.0, 1e12)
+MODULI = (SOFTEST, 1e12)
 """Shear moduli in Pa that a region can have, from the softest gels to hard metals."""
 
 
@@ -49,7 +50,9 @@ class Region(RegionPart):
             )
         check_rest(self.material)
         if self.density is not None:
-            check_density(DENSITY.settled(f"{self.where} density", self.density), self.where)
+            density = DENSITY.settled(f"{self.where} density", self.density)
+            check_density(density, self.where)
+            object.__setattr__(self, "density", density)
 
     @property
     def own_density(self) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from measurement.wording import known_are
 from softmodels.cli.options import fail
 from softmodels.materials.casting import SILICONE_DENSITY, casting_of
 from softmodels.materials.homogeneous import nominal_stress
@@ -27,7 +28,7 @@ def silicones(products: tuple[str, ...]) -> None:
     names = [product_of(name) for name in products]
     for name in names:
         if name not in PRODUCTS:
-            fail(f"{name!r} is no silicone of the library; known are {', '.join(PRODUCTS)}")
+            fail(f"{name!r} is no silicone of the library; {known_are(name, PRODUCTS)}")
     click.echo(HEAD)
     for name in names or PRODUCTS:
         for one in PRODUCTS[name]:

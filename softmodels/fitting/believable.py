@@ -6,6 +6,8 @@ import dataclasses
 
 import numpy as np
 
+from measurement.units import brief
+from measurement.wording import known_are
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.soundness import Judgement
 from softmodels.materials.material import Material
@@ -77,7 +79,7 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
         return Expected("the case's own material", (material,), GUESS, False)
     curves = published(name)
     if not curves:
-        raise FitError(f"silicone {name!r} is unknown; known are {', '.join(PRODUCTS)}, and any")
+        raise FitError(f"silicone {brief(name)} is unknown; {known_are(name, PRODUCTS, ', and any')}")
     return Expected(f"published curves of {name}", curves, ROOM if len(curves) > 1 else ALONE, True)
 
 

@@ -14,6 +14,9 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from geometries.errors import FieldError
+from geometries.kinds import Quantity, Several
+from measurement.arguments import checked
 from measurement.wording import Spoken
 from softmodels.materials.strain import Expression, StrainMeasures
 
@@ -23,6 +26,10 @@ Values = Mapping[str, Any]
 
 Parameters = Any
 """Carries a law's parameters by name: a material (numbers), or UFL constants, so that new values compile nothing."""
+
+
+SOFTEST = 500.0
+"""Shear modulus in Pa below which no silicone is: of the softest gels, with room."""
 
 
 class MaterialError(Spoken, ValueError):
@@ -87,11 +94,15 @@ class Material:
     convention_help: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
+        if type(self) is Material:
+            raise MaterialError("Material is what all laws have in common; take one of them, such as Yeoh")
         for field in dataclasses.fields(self):
-            values = getattr(self, field.name)
-            for value in values if isinstance(values, tuple) else (values,):
-                if not math.isfinite(value):
-                    raise MaterialError(f"{self.name}: {field.name} = {value} is not a finite number")
+            of = Quantity(field.metadata["unit"])
+            kind = Several(of) if field.metadata["many"] else of
+            try:
+                object.__setattr__(self, field.name, kind.settled(field.name, getattr(self, field.name)))
+            except FieldError as error:
+                raise MaterialError(f"{self.name}: {error}") from None
         if not -1.0 < self.poisson <= 0.5:
             raise MaterialError(f"{self.name}: poisson = {self.poisson:g} is outside -1 to 0.5")
         self.check()
@@ -99,6 +110,16 @@ class Material:
             raise MaterialError(
                 f"{self.name}: the shear modulus at small strain is {self.shear_modulus_0:g} Pa; it must be above zero"
             )
+
+    @property
+    def doubt(self) -> str:
+        """Why its numbers are hardly meant: a sentence, empty for those of a silicone or of what is stiffer."""
+        if self.shear_modulus_0 >= SOFTEST:
+            return ""
+        return (
+            f"{self.name}: the shear modulus is {self.shear_modulus_0:.4g} Pa, and silicones have 5 to 500 kPa; numbers are in "
+            "Pa, so write kPa as a text such as '14 kPa'"
+        )
 
     # -- the energy ---------------------------------------------------------------------------------------------------
 
@@ -261,6 +282,7 @@ def register[Law: type[Material]](law: Law) -> Law:
     Raises:
         ValueError: Another law has this name.
     """
+    checked(law)
     if LAWS.get(law.name, law) is not law:
         raise ValueError(f"there is a law of the name {law.name!r} already: {LAWS[law.name].__name__}")
     LAWS[law.name] = law

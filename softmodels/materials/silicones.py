@@ -11,6 +11,9 @@ from __future__ import annotations
 
 import dataclasses
 
+from measurement.arguments import checked, one_of
+from measurement.units import brief
+from measurement.wording import known_are
 from softmodels.materials.laws import Ogden, Yeoh
 from softmodels.materials.material import Material, MaterialError
 
@@ -198,7 +201,7 @@ OTHER_NAMES = {
 
 def silicone_called(name: str) -> Silicone | None:
     """The silicone of a name; None if there is none."""
-    return SILICONES.get(OTHER_NAMES.get(name, name))
+    return SILICONES.get(OTHER_NAMES.get(name, name)) if isinstance(name, str) else None
 
 
 def named(material: Material) -> str | None:
@@ -217,6 +220,24 @@ def stretch_at_break(material: Material) -> float | None:
     return None if elongation is None else 1.0 + elongation
 
 
+def material_of(name: str, value: object) -> Material:
+    """A material, which may be given by its silicone's name.
+
+    Args:
+        name: What the argument is called.
+        value: The material, or the name of a silicone.
+
+    Raises:
+        MaterialError: There is no silicone of that name.
+        ArgumentError: It is neither.
+    """
+    if isinstance(value, str):
+        return silicone(value)
+    wanted = "a material, such as sm.Yeoh('14 kPa'), or the name of a silicone, such as 'ecoflex-00-30'"
+    return one_of(name, value, Material, wanted)
+
+
+@checked
 def silicone(name: str) -> Material:
     """The material of a named silicone.
 
@@ -229,6 +250,6 @@ def silicone(name: str) -> Material:
     found = silicone_called(name)
     if found is None:
         raise MaterialError(
-            f"silicone {name!r} is unknown; known are {', '.join(PRODUCTS)}, and their sources (softmodels silicones)"
+            f"silicone {brief(name)} is unknown; {known_are(name, PRODUCTS, ', and their sources (softmodels silicones)')}"
         )
     return found.material

@@ -158,7 +158,7 @@ class Mass(HeavyPart):
     """
 
     face: str = field_of(Words(), "face that the mass hangs on, such as tip")
-    amount: float = field_of(Quantity("kg"), "mass that hangs on the face, of the whole device")
+    amount: float = field_of(Quantity("kg"), "mass that hangs on the face, of the whole device", usual=20.0)
 
     table: ClassVar[str] = "mass"
     optional: ClassVar[bool] = True
@@ -192,7 +192,9 @@ class Force(FaceLoad):
 
     face: str = field_of(Words(), "face that the force pulls at, such as tip")
     direction: str = field_of(Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
-    amount: float = field_of(Quantity("N"), "constant force on the whole device; 0 where it is requested", 0.0)
+    amount: float = field_of(
+        Quantity("N"), "constant force on the whole device; 0 where it is requested", 0.0, usual=1e3
+    )
 
     table: ClassVar[str] = "force"
     optional: ClassVar[bool] = True

@@ -27,8 +27,10 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from geometries import Actuator, codec
 from geometries.errors import FieldError
-from geometries.fields import about, settle
+from geometries.fields import about, doubt_of, settle
 from geometries.kinds import Text
+from measurement.arguments import checked
+from measurement.units import brief
 from measurement.wording import Spoken
 
 if TYPE_CHECKING:
@@ -81,9 +83,16 @@ class Part(abc.ABC):
 
     def __post_init__(self) -> None:
         settle(self, PartError)
+        if not isinstance(self.name, str):
+            raise PartError(f"[{self.table}]: name is {brief(self.name)}; it must be a text, such as 'tip'")
         if not re.fullmatch(r"([a-z]\w*)?", self.name):
             raise PartError(f"{self.where}: a name is of letters, digits and '_' and begins with a small letter")
         self.check()
+
+    @property
+    def doubt(self) -> str:
+        """Which of its numbers is hardly meant: a sentence, empty if none."""
+        return doubt_of(self)
 
     def check(self) -> None:  # noqa: B027
         """Check the fields against each other; `PartError` for what cannot be meant."""
@@ -309,5 +318,5 @@ def register_part[P: type[Part]](kind: P) -> P:
     known = PARTS.get(kind.table, kind)
     if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
         raise ValueError(f"there is a part with the table {kind.table!r} already, in {known.__module__}")
-    PARTS[kind.table] = kind
+    PARTS[kind.table] = checked(kind)
     return kind

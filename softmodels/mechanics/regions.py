@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.materials.material import Material, MaterialError
+from softmodels.materials.silicones import material_of
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.cell_measure import cell_measure
 from softmodels.mechanics.named_places import check_regions
@@ -36,6 +37,10 @@ class RegionPart(Part):
     """A region that has a law of its own; its name is the region's."""
 
     material: Material
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "material", material_of(f"{self.where} material", self.material))
+        super().__post_init__()
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `PartError` where a device has no such region."""

@@ -9,6 +9,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from geometries.errors import FieldError
+from geometries.kinds import Quantity, Several
+from measurement.arguments import checked
+from measurement.read_only import keep_arrays
+from measurement.units import brief
+from measurement.wording import known_are, meant
 from softmodels.fitting.curves.columns import Column, TensileError, in_si, read_table, told_columns
 from softmodels.materials.homogeneous import MODES
 
@@ -34,6 +40,7 @@ PERCENT = 30.0
 """No silicone bears such a strain: a column that reaches it holds percent."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Specimen:
     """What a file does not say about the specimen.
@@ -56,6 +63,7 @@ class Specimen:
                 raise TensileError(f"{name.replace('_', ' ')} is {value:g}; it must be above zero")
 
 
+@checked
 @dataclasses.dataclass(frozen=True, eq=False)
 class TensileCurve:
     """A loading ramp.
@@ -77,6 +85,44 @@ class TensileCurve:
     remarks: tuple[str, ...] = ()
     noise: float | None = None
     readings: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TensileError(f"the name of a curve is {brief(self.name)}; it must be a text")
+        if not isinstance(self.mode, str) or self.mode not in MODES:
+            known = known_are(self.mode, MODES)
+            raise TensileError(f"{self.name}: the test is {brief(self.mode)}, which is none; {known}")
+        for name, kind in (("stretch", Quantity()), ("stress", Quantity("Pa"))):
+            object.__setattr__(self, name, self._column(name, getattr(self, name), kind))
+        if len(self.stretch) != len(self.stress):
+            raise TensileError(
+                f"{self.name}: {len(self.stretch)} stretches and {len(self.stress)} stresses; a curve has as many of both"
+            )
+        if not len(self.stretch):
+            raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
+        if self.stretch.min() <= 0.0 or (np.diff(self.stretch) < 0.0).any():
+            raise TensileError(
+                f"{self.name}: its stretches must be above zero (1 at rest) and rise from point to point"
+            )
+        keep_arrays(self)
+
+    def _column(self, name: str, values: object, kind: Quantity) -> Array:
+        """One of the two columns, a copy, so that nobody changes it from outside.
+
+        Raises:
+            TensileError: It holds something else than finite numbers.
+        """
+        try:
+            if isinstance(values, np.ndarray) and values.dtype.kind in "iuf" and values.ndim == 1:
+                found = np.array(values, dtype=np.float64)
+            else:
+                plain = values.tolist() if hasattr(values, "tolist") else values
+                found = np.array(Several(kind).settled(name, plain), dtype=np.float64)
+        except FieldError as error:
+            raise TensileError(f"{self.name}: {error}") from None
+        if not np.isfinite(found).all():
+            raise TensileError(f"{self.name}: {name} holds a number that is not finite")
+        return found
 
     def within(self, low: float, high: float) -> TensileCurve:
         """The part between two stretches.
@@ -105,8 +151,8 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
     Raises:
         TensileError: The curve cannot be used; the message names the file.
     """
-    if test.lower() not in SYNONYMS:
-        raise TensileError(f"test {test!r} is not one of {', '.join(TESTS)}")
+    if not isinstance(test, str) or test.lower() not in SYNONYMS:
+        raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{meant(test, SYNONYMS)}")
     kind = SYNONYMS[test.lower()]
     told = told_columns(columns) if columns else {}
     try:

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from measurement.arguments import callback, checked, one_of, several, span
 from softmodels.fitting.believable import Expected, expected, hold_against, stretch_of
 from softmodels.fitting.comparison import Comparison, compare
 from softmodels.fitting.curves.columns import TensileError
@@ -47,6 +48,7 @@ def prepared(curves: Sequence[TensileCurve], stretch: tuple[float, float] | None
     return [thinned(curve) if curve.noise is None else curve for curve in within]
 
 
+@checked
 def fit_curves(
     curves: Sequence[TensileCurve | Path | str] | TensileCurve | Path | str,
     material: Laws = "yeoh",
@@ -71,12 +73,15 @@ def fit_curves(
         FitError: The task is impossible.
         TensileError: A curve cannot be used.
     """
-    if isinstance(curves, TensileCurve | Path | str):
-        curves = [curves]
-    read = [curve if isinstance(curve, TensileCurve) else read_curve(Path(curve)) for curve in curves]
+    callback("progress", progress)
+    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    given = several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
+    read = [curve if isinstance(curve, TensileCurve) else read_curve(Path(curve)) for curve in given]
     if not read:
         raise FitError("there is nothing to fit to; give a tensile curve or outlines")
-    task = _Task(prepared(read, stretch), law_choices(material, options.poisson), options, progress or _silent)
+    task = _Task(
+        prepared(read, span("stretch", stretch)), law_choices(material, options.poisson), options, progress or _silent
+    )
     return task.report()
 
 

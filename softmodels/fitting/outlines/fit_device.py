@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
+from measurement.arguments import checked, one_of, several, wrong
 from measurement.outline.outline import Outline
 from measurement.wording import spoken
 from softmodels.case.case import Case
@@ -46,6 +47,7 @@ HEIGHTS_ALONE = (
 )
 
 
+@checked
 def fit(
     device: Actuator | Case | MeasuredDevice,
     outlines: Sequence[Outline | Path | str] | Path | str,
@@ -72,8 +74,8 @@ def fit(
         FitError: Bad input, or no law could be fitted.
         UnsoundError: The measurements contradict each other.
     """
-    if isinstance(outlines, Path | str):
-        outlines = [outlines]
+    _check_how(options, comm)
+    outlines = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
     given = [outline for outline in outlines if isinstance(outline, Outline)]
     files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
     if files or not given:
@@ -84,11 +86,12 @@ def fit(
         MeasuredDevice.of(device).counting_from(options.heights_from),
         law_choices(material, options.poisson),
         options,
-        tuple(curves),
+        several("curves", curves, TensileCurve, "a sm.TensileCurve"),
     )
     return task.with_outlines(given, comm or start())
 
 
+@checked
 def fit_heights(
     device: Actuator | Case | MeasuredDevice,
     heights: Sequence[Height] | Path | str,
@@ -110,8 +113,10 @@ def fit_heights(
         FitError: Bad input, or no law could be fitted.
         UnsoundError: The measurements contradict each other.
     """
+    _check_how(options, comm)
     if isinstance(heights, Path | str):
         heights = read_heights(Path(heights), options.untrusted, options.without)
+    heights = several("heights", heights, Height, "a height, or the table heights.csv")
     task = _Task(
         MeasuredDevice.of(device).counting_from(options.heights_from),
         law_choices(material, options.poisson),
@@ -119,6 +124,13 @@ def fit_heights(
         (),
     )
     return task.with_heights(heights, comm or start())
+
+
+def _check_how(options: object, comm: object) -> None:
+    """Refuse, with `ArgumentError`, what are no options and no communicator."""
+    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    if comm is not None and not callable(getattr(comm, "allreduce", None)):
+        raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
