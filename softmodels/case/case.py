@@ -21,7 +21,7 @@ from softmodels.case.gauges import Gauges
 from softmodels.case.load import STIFFNESS_RANGE, Load
 from softmodels.case.load_request import LoadRequest, LoadRequestEntry
 from softmodels.case.material_check import check_materials
-from softmodels.case.material_errors import ErrorsEntry, MaterialErrors
+from softmodels.case.material_errors import AnyBand, ErrorsEntry
 from softmodels.case.material_table import DEFAULT
 from softmodels.case.parts_entry import Parts, PartsEntry, check_parts
 from softmodels.case.pressures_entry import Pressures
@@ -85,7 +85,8 @@ class Case:
         obstacle: A rigid plane that faces of the device come to rest on.
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
         parts: What else is added to the device; see `softmodels.mechanics.parts`.
-        band: Errors of the material, whose 95 % band is told of every state; None for none.
+        band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
+            solved too; None for neither.
         driven: Requested forces, or travels, of a dead load among these.
         solver: How linear equations are solved; no number depends on it.
 
@@ -126,7 +127,7 @@ class Case:
     obstacle: Obstacle | None = dataclasses.field(default=None, metadata=_written(Part(Obstacle)))
     gauges: Gauges = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
     parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
-    band: MaterialErrors | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
+    band: AnyBand | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
     driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
     solver: str = _value(
         "solver", "method", Choice(METHODS),

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from geometries.kinds import Quantity, Text
 from softmodels.case import material_table
 from softmodels.materials.casting import sheet_of
+from softmodels.materials.material import parameter_fields
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed
 from softmodels.mechanics.loads import check_density
@@ -75,7 +76,7 @@ class Region(RegionPart, HeavyPart):
 
     @property
     def explained(self) -> Mapping[str, str]:
-        law = {field.name: field.metadata["help"] for field in dataclasses.fields(self.material)}
+        law = {field.name: field.metadata["help"] for field in parameter_fields(self.material)}
         return {
             **law,
             "density": "density of the region; by its silicone's data sheet, or that of [gravity], if left out",

@@ -10,8 +10,7 @@ from geometries import Actuator
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.fitting.curves.columns import TensileError
-from softmodels.fitting.curves.curve import TensileCurve, read_curve
-from softmodels.fitting.curves.fit_curves import prepared
+from softmodels.fitting.curves.fit_curves import Curves, prepared
 from softmodels.fitting.curves.stress_error import RELATIVE, StressError
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.scoring import Score, score_curve, score_outlines
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from softmodels.fitting.outlines.measured_device import MeasuredDevice
 
 type Materials = Material | Sequence[Material] | Mapping[str, Material]
-type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 type Outlines = Path | str | Sequence[Outline | Path | str]
 
 
@@ -62,15 +60,13 @@ def score(
         FitError: Outlines cannot be used, or the device has no such states under a material.
     """
     known = _named(materials)
-    several = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
-    read = [one if isinstance(one, TensileCurve) else read_curve(Path(one)) for one in several]
+    ready = prepared(curves, stretch)
     given = [outlines] if isinstance(outlines, str | Path) else list(outlines)
     if (device is None) != (not given):
         raise FitError("a device and its outlines belong together; give both, or neither")
-    if not read and not given:
+    if not ready and not given:
         raise FitError("there is nothing to score against; give a tensile curve, or a device with its outlines")
     error = error_of(stress_error)
-    ready = prepared(read, stretch) if read else []
     scores = [score_curve(name, one, curve, error) for curve in ready for name, one in known.items()]
     if device is not None:
         scores += against_outlines(known, device, outlines_of(given, untrusted), start())

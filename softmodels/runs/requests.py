@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TypedDict, Unpack
 
 import numpy as np
@@ -12,7 +13,7 @@ from geometries import Actuator
 from measurement.units import WATER_DENSITY, UnitError, brief, pascal_per_cm, quantity
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
-from softmodels.case.material_errors import MaterialErrors
+from softmodels.case.material_errors import AnyBand, band_of
 from softmodels.case.ranges import ML, SeriesError, factor_of, of_text, series, split_text
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
@@ -37,7 +38,7 @@ class Options(TypedDict, total=False):
     sheet: Sheet
     obstacle: Obstacle
     parts: Sequence[Part]
-    band: MaterialErrors
+    band: AnyBand | str | Path
     cycle: bool
     program: Program
     gauges: Gauges
@@ -72,6 +73,8 @@ def case_of(
         "strokes_ml": _in("ml", options.get("strokes"), "stroke", cm),
         **chosen,
     }
+    if isinstance(band := fields.get("band"), str | Path):
+        fields["band"] = band_of(band)
     return Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
 
 

@@ -30,6 +30,8 @@ BREAK = 0.5
 """A specimen is torn where the stress falls below this share of the largest."""
 ELONGATED, SLACK = 0.5, 0.3
 """A strain column whose least value is above the first begins where no test does; a stretch column below the second."""
+AT_REST = 0.05
+"""Share of the largest stress below which a specimen is free of stress; none that is pressed to `SLACK` is."""
 PERCENT = 30.0
 """No silicone bears such a strain: a column that reaches it holds percent."""
 
@@ -78,6 +80,54 @@ class TensileCurve:
     noise: float | None = None
     readings: float = 1.0
 
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise TensileError(f"{self.name}: test {self.mode!r} is not one of {', '.join(MODES)}")
+        for name in ("stretch", "stress"):
+            try:
+                values = np.asarray(getattr(self, name), dtype=float)
+            except (TypeError, ValueError):
+                raise TensileError(f"{self.name}: {name} holds something that is not a number") from None
+            if values.ndim != 1 or not np.isfinite(values).all():
+                raise TensileError(f"{self.name}: {name} has to be a list of finite numbers")
+            object.__setattr__(self, name, values)
+        if len(self.stretch) != len(self.stress):
+            raise TensileError(
+                f"{self.name}: there are {len(self.stretch)} values of stretch and {len(self.stress)} of stress; give one of "
+                "each for every reading"
+            )
+
+    def check(self) -> TensileCurve:
+        """The curve itself, if it can be one of a silicone in the unit that it claims; every way into a fit asks this.
+
+        Raises:
+            TensileError: Why not.
+        """
+        if len(self.stretch) < LEAST_POINTS:
+            raise TensileError(f"{self.name}: the curve has {len(self.stretch)} points, and {LEAST_POINTS} are needed")
+        low, high = self.stretch.min(), self.stretch.max()
+        if high > PERCENT:
+            raise TensileError(
+                f"{self.name}: a stretch of {high:.4g} is beyond what any silicone can take ({PERCENT:g}); if these are "
+                "percent, divide them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
+            )
+        if low <= 0.0:
+            hint = "; what begins at 0 is a strain: add 1 to it" if low == 0.0 else ""
+            raise TensileError(f"{self.name}: a stretch of {low:.4g} is not above zero{hint}")
+        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * np.abs(self.stress).max():
+            raise TensileError(
+                f"{self.name}: the stretch begins at {low:.4g} without stress, where a stretch begins near 1: these are "
+                "strains; add 1 to them"
+            )
+        if (np.diff(self.stretch) < 0.0).any():
+            raise TensileError(f"{self.name}: the stretch does not rise from row to row; give one loading ramp, sorted")
+        try:
+            _check_rest(self)
+            _check_modulus(self)
+        except TensileError as error:
+            raise TensileError(f"{self.name}: {error}") from None
+        return self
+
     def within(self, low: float, high: float) -> TensileCurve:
         """The part between two stretches.
 
@@ -117,12 +167,10 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
         stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
         mode = "equibiaxial" if kind == "balloon" else kind
         stretch, stress, remarks = _ramp(stretch, stress)
-        curve = TensileCurve(path.name, mode, stretch, stress, tuple(remarks))
-        _check_rest(curve)
-        _check_modulus(curve)
     except TensileError as error:
         raise TensileError(f"{path}: {error}") from None
-    return curve
+    curve = TensileCurve(str(path), mode, stretch, stress, tuple(remarks)).check()
+    return dataclasses.replace(curve, name=path.name)
 
 
 def _text(path: Path) -> str:
@@ -189,12 +237,11 @@ def _check_start(x: Array, y: Array, column: Column, specimen: Specimen) -> None
             f"the specimen's length; take the first length away from it, or give "
             f"--columns extension={place}[{column.unit}],... if the curve does begin there"
         )
-    at_rest = abs(y[np.argmin(values)]) < 0.05 * np.abs(y).max()
+    at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
     if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} without stress, where a stretch begins near 1: it seems to hold "
-            f"strains; rename it to 'strain' or give --columns strain={place},...; if the specimen was pressed that far, give "
-            f"--columns stretch={place},..."
+            f"strains; rename it to 'strain' or give --columns strain={place},..."
         )
 
 
