@@ -9,7 +9,7 @@ from typing import ClassVar
 from geometries.kinds import Quantity, Text
 from softmodels.case import material_table
 from softmodels.materials.casting import sheet_of
-from softmodels.materials.material import SOFTEST
+from softmodels.materials.material import SOFTEST, parameter_fields
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.loads import check_density
 from softmodels.mechanics.parts import PartError, register_part
@@ -72,7 +72,7 @@ class Region(RegionPart):
 
     @property
     def explained(self) -> Mapping[str, str]:
-        law = {field.name: field.metadata["help"] for field in dataclasses.fields(self.material)}
+        law = {field.name: field.metadata["help"] for field in parameter_fields(self.material)}
         return {
             **law,
             "density": "density of the region; by its silicone's data sheet, or that of [gravity], if left out",

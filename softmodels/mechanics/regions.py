@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.materials.material import Material, MaterialError
+from softmodels.materials.material import Material, MaterialError, parameter_fields
 from softmodels.materials.silicones import material_of
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.cell_measure import cell_measure
@@ -92,7 +92,7 @@ class MaterialRegion:
     def take(self, material: Material, mu: float, mixed: bool) -> None:
         """Take a material's values, in units of a shear modulus in Pa."""
         self.material = material
-        for field in dataclasses.fields(material):
+        for field in parameter_fields(material):
             value = np.asarray(getattr(material, field.name), dtype=float)
             getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
         self.bulk.value = mu / material.bulk if mixed else material.bulk / mu
@@ -174,6 +174,6 @@ def constants(mesh: mesh.Mesh, material: Material) -> types.SimpleNamespace:
     return types.SimpleNamespace(
         **{
             field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
-            for field in dataclasses.fields(material)
+            for field in parameter_fields(material)
         }
     )

@@ -20,7 +20,7 @@ from softmodels.results.column import Column, Columns, Solved
 from softmodels.results.forces import MEASURES
 from softmodels.results.output_fields import FIELDS, Extreme, OutputField
 from softmodels.results.row import Cell, Row
-from softmodels.results.terms import Term, described, split
+from softmodels.results.terms import Term, at_rise, described, split
 
 
 def row_of(solved: Solved) -> Row:
@@ -166,6 +166,9 @@ def _band_term(column: str, device: Actuator | None) -> Term | None:
     name, unit = split(column)
     if not name.endswith("_95") or not unit:
         return None
+    if device is not None and column == at_rise(device.gauge):
+        text = f"half the 95 % interval that the material's errors make, at the same rise of the {device.gauge}"
+        return described(column, ("band of the pressure at equal rise", text))
     whole = term(f"{name.removesuffix('_95')}{column.removeprefix(name)}", device)
     kept = "at the same added volume" if name == "pressure_95" else "at the same requested value"
     return described(

@@ -22,8 +22,12 @@ import numpy.typing as npt
 from measurement.own_files import remove_steps
 from measurement.own_folder import PATIENCE, OwnFolder
 from measurement.wording import Spoken
+from softmodels.case.case import Case
+from softmodels.case.material_errors import SourceBand
 from softmodels.results.picture_files import picture_folder
 from softmodels.results.row import Row
+from softmodels.results.sources import FILE as SOURCES
+from softmodels.results.sources import SourceRows, in_order, read_sources, write_sources
 from softmodels.results.stored_step import RESTART, ROW, StoredStep, read_step, shapes_of
 from softmodels.results.writing import hdf5_reason, replace, replace_hdf5, write_text
 
@@ -79,6 +83,16 @@ class Results:
         """Results of the branch that leaves this path, in a folder of their own; there may be none."""
         return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch")
 
+    def write_sources(self, sources: SourceRows) -> None:
+        """Write the paths of the silicone's other sources beside the run's own; none where there are none."""
+        if sources:
+            self.own.claim([SOURCES])
+            write_sources(self.folder, sources)
+
+    def sources(self, case: Case) -> dict[str, Sequence[Row]]:
+        """Rows of each source of the silicone, the run's own among them; empty where no others were solved."""
+        return in_order(case, self.rows, read_sources(self.folder) if isinstance(case.band, SourceBand) else {})
+
     @property
     def files(self) -> list[str]:
         """Names of what a run writes, pictures aside."""
@@ -89,6 +103,7 @@ class Results:
             f"{name}.xdmf",
             f"{name}.vtkhdf",
             "path.csv",
+            SOURCES,
             "summary.json",
             f"{name}.msh",
             f"{name}.steps/",

@@ -13,7 +13,7 @@ from measurement.arguments import callback, checked, flag, place
 from measurement.units import WATER_DENSITY
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
-from softmodels.case.material_errors import MaterialErrors
+from softmodels.case.material_errors import AnyBand
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import is_root, start
@@ -56,7 +56,7 @@ def inflate(
     obstacle: Obstacle | None = None,
     parts: Part | Sequence[Part] = (),
     gauges: Gauges | None = None,
-    band: MaterialErrors | None = None,
+    band: AnyBand | str | Path | None = None,
     cycle: bool = False,
     program: Program = (),
     water_density: float | str = WATER_DENSITY,
@@ -83,7 +83,8 @@ def inflate(
         obstacle: A rigid plane that faces come to rest on.
         parts: What else is added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
         gauges: Named points and angles that are told in every state.
-        band: Errors of the material, whose 95 % band is told of every state.
+        band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
+            are computed, or the file of a fit.
         cycle: Whether the pressure is lowered again through the same values, with jumps at limit points.
         program: What each of several cavities goes through by itself, in place of one requested quantity.
         water_density: Density of the column's liquid: kg/m3, or a text.

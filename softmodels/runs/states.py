@@ -15,9 +15,11 @@ import numpy.typing as npt
 from measurement.own_files import is_same
 from measurement.read_only import keep_arrays, read_only
 from softmodels.case.case import Case
+from softmodels.case.material_errors import SourceBand
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.restart import Restart
 from softmodels.results.row import Row
+from softmodels.results.sources import read_sources
 from softmodels.results.store import RESTART, Results, ResultsError
 from softmodels.results.stored import States
 from softmodels.results.stored_step import KEPT
@@ -45,6 +47,7 @@ class Source(Protocol):
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
         cells: Node numbers in VTK's order, shape (c, 6 or 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+        others: Rows of the silicone's other sources by name; empty where they were not asked for.
     """
 
     case: Case
@@ -52,6 +55,7 @@ class Source(Protocol):
     points: Array
     cells: npt.NDArray[np.int64]
     cell_name: str
+    others: dict[str, list[Row]]
 
     def fields(self, step: int) -> Mapping[str, Array]:
         """All nodal fields of a state, with what a restart needs where it is kept."""
@@ -81,6 +85,7 @@ class InMemory:
         # The grid is whole on rank 0 alone.
         self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
         self.rows: list[Row] = []
+        self.others: dict[str, list[Row]] = {}
         self._fields: list[dict[str, Array]] = []
         self._restarts: list[Restart] = []
 
@@ -123,6 +128,7 @@ class InFolder:
         self._mesh = (folder if home is None else home) / f"{states.case.name}.msh"
         self.case, self.rows = states.case, states.rows
         self.points, self.cells, self.cell_name = states.points, states.cells, states.cell_name
+        self.others = read_sources(folder) if isinstance(self.case.band, SourceBand) else {}
 
     def branch(self) -> InFolder | None:
         """The states of the branch that leaves the path; None if none was followed."""
