@@ -10,6 +10,7 @@ from typing import TypedDict, Unpack
 
 from geometries import Actuator
 from measurement import wording
+from measurement.user_file import read_text
 from softmodels.case.case import Case, CaseError
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
@@ -146,7 +147,7 @@ def load(folder: str | Path) -> Run:
         CaseError: No case file, or a wrong one.
     """
     try:
-        summary = json.loads((Path(folder) / "summary.json").read_text())
+        summary = json.loads(read_text(Path(folder) / "summary.json"))
         ended = Ended(int(summary["status"]), str(summary["message"]))
     except (OSError, ValueError, KeyError, TypeError):
         ended = Ended()  # a run that goes on, or was cut off

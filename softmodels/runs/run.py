@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from measurement.user_file import file_digest
 from measurement.wording import spoken, written
 from softmodels.case.case import CaseError
-from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.limits import Limit
 from softmodels.results.notes import notes_of
@@ -284,7 +284,7 @@ class Run:
         try:
             mesh = results.folder / f"{self.case.name}.msh"
             mesh.write_bytes(self._source.mesh())
-            results.record(mesh=digest(mesh))
+            results.record(mesh=file_digest(mesh))
             write_states(self._source, results)
             if self.branch is not None:
                 self.branch._save_branch(results)

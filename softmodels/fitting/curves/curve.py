@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from measurement.user_file import read_file
 from softmodels.fitting.curves.columns import Column, TensileError, in_si, read_table, told_columns
 from softmodels.materials.homogeneous import MODES
 
@@ -127,7 +128,7 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
 
 def _text(path: Path) -> str:
     try:
-        data = path.read_bytes()
+        data = read_file(path)
     except OSError as error:
         raise TensileError(f"the file cannot be read ({error.strerror})") from None
     if b"\0" in data:
