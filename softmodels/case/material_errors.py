@@ -15,6 +15,7 @@ from geometries.fields import About
 from geometries.kinds import Text, Words
 from measurement.arguments import checked
 from measurement.toml_file import TomlError, read_toml
+from measurement.user_file import read_text
 from softmodels.case import material_table
 from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
 from softmodels.materials.laws import Material, MaterialError
@@ -175,7 +176,7 @@ def _whole(path: Path, fitted: Material) -> Found | None:
     Of several laws it is the one with the material's own numbers: fits call a sum of one term ``ogden1``, materials ``ogden``.
     """
     try:
-        laws = json.loads(path.with_name("fit.json").read_text(encoding="utf-8"))["laws"]
+        laws = json.loads(read_text(path.with_name("fit.json")))["laws"]
         told = [one for one in laws if "material" in one]
         same = (one for one in told if material_table.from_table(one["material"]) == fitted)
         one = next(same, None) or next(one for one in laws if one["law"] == fitted.name)

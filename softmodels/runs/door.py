@@ -11,6 +11,7 @@ from geometries import Actuator
 from measurement import wording
 from measurement.arguments import callback, checked, flag, place
 from measurement.units import WATER_DENSITY
+from measurement.user_file import read_text
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
 from softmodels.case.material_errors import AnyBand
@@ -175,7 +176,7 @@ def load(folder: str | Path) -> Run:
     """
     where = place("folder", folder, "a folder of results")
     try:
-        summary = json.loads((where / "summary.json").read_text())
+        summary = json.loads(read_text(where / "summary.json"))
         ended = Ended(int(summary["status"]), str(summary["message"]))
     except (OSError, ArithmeticError, ValueError, KeyError, TypeError, RecursionError):
         ended = Ended()  # a run that goes on, or was cut off

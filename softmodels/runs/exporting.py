@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from measurement.arguments import checked, place
+from measurement.user_file import GEOMETRY, read_file
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
 from softmodels.case.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
@@ -44,7 +45,7 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
         raise CaseError(
             f"{path} ends in {path.suffix or 'nothing'}; decks are {' for CalculiX and '.join(WRITERS)} for FEBio"
         )
-    if path.exists() and WRITTEN.encode() not in path.read_bytes()[:500]:
+    if path.exists() and WRITTEN.encode() not in read_file(path, GEOMETRY)[:500]:
         raise CaseError(f"{path} is there already and is no deck of this program; give another name")
     refuse, writer = WRITERS[suffix]
     refuse(whole)

@@ -6,8 +6,8 @@ import functools
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from measurement.user_file import file_digest
 from softmodels.case.case import Case
-from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE
@@ -51,7 +51,7 @@ def record(
     mesh = results.folder / f"{case.name}.msh"
     if not (resumed and on_root(comm, lambda: mesh_is_known(results, mesh))):
         simulation.write_mesh(mesh)
-        on_root(comm, lambda: results.record(mesh=digest(mesh)))
+        on_root(comm, lambda: results.record(mesh=file_digest(mesh)))
     simulation.prepare(mesh)
     if resumed:
         on_root(comm, lambda: results.check_grid(simulation.fields.grid.points))

@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from measurement.arguments import checked, place
 from measurement.units import UnitError, brief, number
+from measurement.user_file import file_digest
 from measurement.wording import Spoken, known_are, spoken, written
 from softmodels.case.case import CaseError
-from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.limits import Limit
 from softmodels.results.notes import notes_of
@@ -332,7 +332,7 @@ class Run:
         try:
             mesh = results.folder / f"{self.case.name}.msh"
             mesh.write_bytes(self._source.mesh())
-            results.record(mesh=digest(mesh))
+            results.record(mesh=file_digest(mesh))
             write_states(self._source, results)
             if self.branch is not None:
                 self.branch._save_branch(results)

@@ -14,6 +14,7 @@ from geometries.kinds import Quantity, Several
 from measurement.arguments import checked
 from measurement.read_only import keep_arrays
 from measurement.units import brief
+from measurement.user_file import read_file
 from measurement.wording import known_are, meant
 from softmodels.fitting.curves.columns import Column, TensileError, in_si, read_table, told_columns
 from softmodels.materials.homogeneous import MODES
@@ -200,7 +201,7 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
 
 def _text(path: Path) -> str:
     try:
-        data = path.read_bytes()
+        data = read_file(path)
     except OSError as error:
         raise TensileError(f"the file cannot be read ({error.strerror})") from None
     if b"\0" in data:
