@@ -77,7 +77,7 @@ def test_the_example(monkeypatch, tmp_path, capfd):
     figure = run.plot()
     run.save("results/disk")
     again = sm.load("results/disk")
-    limit = sm.limit(disk, sm.silicone("ecoflex-00-30"))
+    limit = sm.limit(disk, sm.silicone("ecoflex-00-30/marechal-2021"))
 
     assert run.pressure[-1] == pytest.approx(177 * CM, rel=1e-12)
     assert (np.diff(run.apex) > 0).all()
