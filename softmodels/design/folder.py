@@ -17,7 +17,7 @@ from measurement.reasons import reason
 from softmodels.design.asked import in_words, label, shown, shown_factor
 from softmodels.design.cases import case_of
 from softmodels.design.errors import DesignError
-from softmodels.design.formulation import Formulation
+from softmodels.design.formulation import KEPT, Formulation
 from softmodels.design.problem import DesignProblem
 from softmodels.design.trials import Trial
 from softmodels.design.units import factor, shown_unit
@@ -198,9 +198,11 @@ def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: f
         return f"{head}  {trial.failure or 'judged'}{'' if trial.number == 1 else '; stepping back'}  {trial.seconds:.1f} s"
     asked = problem.terms[0].quantity
     worst, row = form.worst(trial)
-    told = "no limits" if row is None else f"{row.text}: {in_words(row.keep.quantity, trial.values[row.key])}"
+    limits = "no limits"
+    if row is not None:
+        limits = f"{'VIOLATED' if worst > KEPT else 'kept'}: {row.compared(trial.values[row.key], worst)}"
     rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
     return (
         f"{head}  {label(asked, problem.case.cm)} {in_words(asked, form.objective(trial), 5)}  "
-        f"{'kept' if worst <= 1e-9 else 'PASSED'} {told}  {trial.newton} iterations  {trial.seconds:.1f} s{rest}"
+        f"{limits}  {trial.newton} iterations  {trial.seconds:.1f} s{rest}"
     )

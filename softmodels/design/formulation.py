@@ -14,6 +14,8 @@ from softmodels.design.tolerances import SURE, Spread
 from softmodels.design.trials import Trial
 
 Array = npt.NDArray[np.float64]
+KEPT = 1e-9
+"""Share of a limit up to which it counts as kept: rounding."""
 INSIDE = 2e-4
 """Share of a limit that the search stays inside of it, so that what it ends with really keeps it."""
 
@@ -42,6 +44,27 @@ class Row:
     def text(self) -> str:
         """The limit in words."""
         return f"{self.words} {'at most' if self.sign > 0 else 'at least'} {in_words(self.keep.quantity, self.limit)}"
+
+    def compared(self, value: float, violation: float) -> str:
+        """A value beside the limit, such as ``limit margin 1.249 < 1.25``, with as many digits as it takes to tell them apart.
+
+        Args:
+            value: SI unit.
+            violation: How far the limit is passed, in its scale; below zero where it is kept. It is judged with an allowance
+                for tolerances and for other meshes, which is added where the value alone would not show it.
+        """
+        asked = self.keep.quantity
+        judged = self.limit + self.sign * violation * self.scale
+        for digits in range(4, 10):
+            limit, near = in_words(asked, self.limit, digits), in_words(asked, judged, digits)
+            if limit != near or violation == 0.0:
+                break
+        above = judged > self.limit if limit != near else self.sign < 0
+        sign = (">" if above else "<") if violation > 0.0 else (">=" if self.sign < 0 else "<=")
+        told = in_words(asked, value, digits)
+        if abs(judged - value) <= 1e-9 * self.scale or told == near:
+            return f"{self.words} {near} {sign} {limit}"
+        return f"{self.words} {told}, {near} with its allowance, {sign} {limit}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,7 +181,7 @@ class Formulation:
 
     def feasible(self, trial: Trial) -> bool:
         """Whether it could be judged and keeps every limit."""
-        return not trial.failed and self.worst(trial)[0] <= 1e-9
+        return not trial.failed and self.worst(trial)[0] <= KEPT
 
     def scaled(self, trial: Trial, allowances: Array, fresh: bool = False) -> Scaled:
         """The search's numbers, with fixed allowances: the derivative of a standard deviation is left out."""
