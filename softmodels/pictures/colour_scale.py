@@ -80,7 +80,7 @@ class Scale:
         rows: Rows of ``path.csv`` of the states that are shown, for the largest value.
     """
 
-    def __init__(self, values: Array, field: str = "von_mises_stress", where: str = "", rows: Sequence[Row] = ()):
+    def __init__(self, values: Array, field: str = "von_mises", where: str = "", rows: Sequence[Row] = ()):
         shown, colours = coloured()[field]
         self.what, self.unit, self.factor, self.low = shown.title, colours.unit, colours.factor, colours.rest
         column = shown.largest.column if shown.largest else ""

@@ -65,7 +65,7 @@ def slice_stress(look: Look) -> Figure:
     """The deformed slice seen on its cut, coloured by stress, with the edges of the undeformed one."""
     states, step = look.states, look.states.main
     skin = states.skin
-    scale = Scale(states.field(step, "von_mises_stress"), rows=[states.rows[step]])
+    scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
     values = scale.share(states.field(step, scale.field))[skin.nodes]
     edges = np.concatenate([skin.edges, skin.rims])
@@ -145,7 +145,7 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateWord
 def cut(look: Look) -> Figure:
     """The device cut open through its channels, with the von Mises stress on the cut."""
     states, step = look.states, look.states.main
-    scale = Scale(states.field(step, "von_mises_stress"), rows=[states.rows[step]])
+    scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
     if look.opened:
         layers, direction, where = look.coloured(step, scale), look.direction, ""
     else:

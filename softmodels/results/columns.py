@@ -178,6 +178,8 @@ def _extremes(name: str) -> list[Column]:
 
 def _extreme(field: OutputField, one: Extreme) -> Column:
     def value(solved: Solved) -> float:
+        if one.peak:
+            return solved.figures.peaks[field.name] / one.unit
         return solved.figures.extremes[field.name][0 if one.least else 1] / one.unit
 
     return Column(one.column, one.title, one.text, value)
@@ -244,7 +246,7 @@ COLUMNS: list[Column | Columns] = [
            "stretch at which the silicone broke when pulled over the largest one; below 1 it tears",
            _break_margin, lambda case: stretch_at_break(case.material) is not None),
     *(_place_of_largest(axis) for axis in "xyz"),
-    *_extremes("von_mises_stress"),
+    *_extremes("von_mises"),
     *_extremes("J"),
     Column("newton_iterations", "Newton iterations", "that the equilibrium of this state took",
            lambda s: s.point.state.iterations),

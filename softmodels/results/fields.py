@@ -23,6 +23,7 @@ from softmodels.results.followed import Followed, followed_points
 from softmodels.results.forces import MEASURES
 from softmodels.results.grid import Grid
 from softmodels.results.output_fields import FIELDS
+from softmodels.results.peak import volume_peak
 from softmodels.results.self_contact import Walls
 from softmodels.results.state_dofs import StateDofs
 from softmodels.results.state_values import Sampling, StateValues
@@ -131,6 +132,11 @@ class Fields:
             max_displacement=self._extremes(np.linalg.norm(u, axis=1))[1],
             max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
             extremes=extremes,
+            peaks={
+                field.name: volume_peak(eq.comm, field.sampled(values), eq.point_volumes())[0]
+                for field in FIELDS
+                if field.sampled is not None and any(one.peak for one in field.extremes)
+            },
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
         )
 

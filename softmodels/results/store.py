@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
     from softmodels.results.restart import Restart
 
-FORMAT = 3
+FORMER = {"von_mises": "von_mises_stress"}
+"""Names that fields had in formats before 4."""
+FORMAT = 4
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
 RUN, BRANCH = "run", "branch/"
 """What a folder's record calls a run; the folder inside for a branch that leaves its path."""
@@ -243,7 +245,8 @@ class Results:
             self.load()  # the run that wrote it has gathered its steps meanwhile
         stored = self.stored[step]
         with h5py.File(self.folder / stored.file) as file:
-            return {name: file[f"{stored.group}/{name}"][:] for name in names}
+            step_fields = file[stored.group or "/"]
+            return {name: step_fields[name if name in step_fields else FORMER.get(name, name)][:] for name in names}
 
     def has(self, step: int, names: Sequence[str]) -> bool:
         """Whether a stored step has these fields."""
@@ -251,7 +254,8 @@ class Results:
 
         stored = self.stored[step]
         with h5py.File(self.folder / stored.file) as file:
-            return all(f"{stored.group}/{name}" in file for name in names)
+            step_fields = file[stored.group or "/"]
+            return all(name in step_fields or FORMER.get(name) in step_fields for name in names)
 
     def finish(self) -> None:
         """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere.
