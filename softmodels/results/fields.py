@@ -17,7 +17,6 @@ from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.mechanics.tangent import Tangent
-from softmodels.mechanics.walls.part import WallTerm
 from softmodels.results.figures import Figures
 from softmodels.results.followed import Followed, followed_points
 from softmodels.results.forces import MEASURES
@@ -62,16 +61,8 @@ class Fields:
     @functools.cached_property
     def walls(self) -> Walls:
         """The device's surface, on rank 0."""
-        system, device = self.system, self.system.body.actuator
-        planes = [plane.normal for plane in device.cut_planes]
-        pressing = [
-            device.device_points(
-                system.length_unit * term.nodes.places[term.nodes.facets[:, : device.dimension]].mean(axis=1)
-            )
-            for term in system.potential.terms.values()
-            if isinstance(term, WallTerm)
-        ]
-        return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes, pressing)
+        planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
+        return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
 
     @property
     def followed(self) -> list[str]:
