@@ -107,6 +107,7 @@ class ImportedPart(Actuator):
 
     stem: ClassVar = "part"
     unbonded: ClassVar = ("outer",)
+    meeting: ClassVar = None
     kind: ClassVar[str] = "file"
     """What the file is, for messages."""
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError, MeshingError
 from geometries.parameters import changed, parameter
 from softmodels.case.case import Case
+from softmodels.case.parts_entry import without_walls
 from softmodels.design.adjoint import Adjoint
 from softmodels.design.bifurcations import Bifurcations
 from softmodels.design.designed_body import DesignedBody
@@ -103,7 +104,7 @@ class MeshedDesign:
             body = Body.from_file(device, file, comm)
             comm.barrier()
         with compiling():
-            system = System(body, case.material, case.formulation, case.sheet, case.obstacle, case.parts)
+            system = System(body, case.material, case.formulation, case.sheet, case.obstacle, without_walls(case.parts))
             solver = Solver(system, case.solver)
             made = cls(DesignedBody(solver), question)
         try:

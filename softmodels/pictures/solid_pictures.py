@@ -13,7 +13,7 @@ from softmodels.pictures.colour_scale import FOOT, Pixels, Scale, page
 from softmodels.pictures.cut_open import best_plane, cut_open
 from softmodels.pictures.hot_spots import hot_layers, hot_limit, hot_title, peak_place, peak_text
 from softmodels.pictures.offscreen import Camera, Image, Style, lines, ring, studio, surface
-from softmodels.pictures.style import DPI, EDGE, FAINT, INK, SOLID, WIDTH, headline, load, number, wrapped
+from softmodels.pictures.style import DPI, EDGE, FAINT, INK, SOLID, WIDTH, headline, load, number, title_colour, wrapped
 from softmodels.pictures.viewpoint import SOLID_STYLE, Look, towards_slice
 from softmodels.results.row import Row
 from softmodels.results.state_words import StateWords
@@ -137,7 +137,8 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateWord
         left, top = k % columns * wide, whole - k // columns * (tall + head)
         small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
         figure.add_artist(Pixels(np.asarray(small), round((top - head - tall) * DPI), round(left * DPI)))
-        figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, titles[k], ha="center", va="center")
+        place = (left + wide / 2) / WIDTH, (top - 0.6 * head) / whole
+        figure.text(*place, titles[k], ha="center", va="center", color=title_colour(titles[k]))
     scale.bar(figure)
     return figure
 

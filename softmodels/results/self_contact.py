@@ -32,9 +32,9 @@ BESIDE = 1e-3
 """How far beside a facet, in its own coordinates, a closest point may lie."""
 CURVED = 0.3
 """How far beside the plane triangle of a facet's corners, and off it in edges, a closest point on the facet is looked for."""
-FIRST_REACH, LAST_REACH = 0.02, 0.3
-"""Distances, in sizes of the mesh, up to which gaps are looked for: doubled from the first until one is found."""
-PROJECTIONS = 8
+REACH, LAST_REACH = 0.02, 0.3
+"""Distances, in sizes of the mesh, up to which gaps are looked for, and up to which overlaps are once there are some."""
+PROJECTIONS = 5
 """Iterations for a closest point; each gains some digits where the distance is small against the radius of curvature."""
 OVERLAP = 0.01
 """Overlap, over the thickness of a wall, from which walls count as passing through each other."""
@@ -136,6 +136,8 @@ class Walls:
         self._turn = np.where(np.einsum("fi,fi->f", middle - inside, normal) > 0.0, 1.0, -1.0)
         self._rest = self._middles(points)
         self._air = _joined(self.facets)
+        corner = points[self.facets[:, :2]]
+        self._edge = float(np.median(np.linalg.norm(corner[:, 1] - corner[:, 0], axis=1))) if len(corner) else 0.0
         beyond = _neighbours(number.ravel(), len(parts), surface)
         self.thickness = _through(points, cells, parts[:, :corners], beyond, owner[chosen], self._rest)
 
@@ -154,13 +156,14 @@ class Walls:
         length = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
         return np.asarray(across / length[:, None] * self._turn[facets, None])
 
-    def least(self, displacement: Array) -> Gap | None:
+    def least(self, displacement: Array, reach: float | None = None) -> Gap | None:
         """The least gap of a shape; None where no walls are near each other.
 
         Args:
             displacement: Of the nodes in m, shape (n, 3).
+            reach: See `gaps`.
         """
-        gaps = self.gaps(displacement)
+        gaps = self.gaps(displacement, reach)
         if not len(gaps.values):
             return None
         at = int(np.argmin(gaps.values))
@@ -173,23 +176,22 @@ class Walls:
             rates = np.concatenate([own, -gaps.weights[at]])[:, None] * normal
         return Gap(float(gaps.values[at]), gaps.places[at], nodes, rates, gaps.share)
 
-    def gaps(self, displacement: Array) -> Gaps:
-        """Gaps of the places near other walls, up to a distance at which there are some.
+    def gaps(self, displacement: Array, reach: float | None = None) -> Gaps:
+        """Gaps of the places near other walls; where some overlap, all that overlap.
 
         Args:
             displacement: Of the nodes in m, shape (n, 3).
+            reach: Distance in m up to which walls are near; a fiftieth of the mesh's size, or half a facet, if None.
         """
-        at, reach, found = self.points + displacement, FIRST_REACH * self.size, None
+        at, before = self.points + displacement, np.inf
+        reach = max(REACH * self.size, 0.5 * self._edge) if reach is None else reach
         while True:
-            # What overlaps deeply is looked for again from twice as far, since its other walls may be as far away.
             seen = self._within(at, reach)
-            deeper = found is not None and np.min(found.values) <= np.min(seen.values, initial=np.inf)
-            if deeper or (len(seen.values) and 0.0 < np.min(seen.values) < reach):
+            least = float(np.min(seen.values, initial=np.inf))
+            # What overlaps deeply is as far from the wall that it has gone through.
+            if least >= 0.0 or least >= before or reach >= LAST_REACH * self.size:
                 return seen
-            found = seen if len(seen.values) else None
-            if reach >= LAST_REACH * self.size:
-                return seen
-            reach *= 2.0
+            before, reach = least, 2.0 * reach
 
     def _within(self, at: Array, reach: float) -> Gaps:
         """Gaps up to a distance."""
@@ -241,6 +243,15 @@ class Walls:
         least = AIR * np.linalg.norm(chord, axis=1)
         air = (np.einsum("pi,pi->p", chord, N[i]) > least) & (np.einsum("pi,pi->p", chord, N[j]) < -least)
         i, j = i[air], j[air]
+        # A closest point lies on the facet, straight in front of the place.
+        between = normal[i] - normal[j]
+        between /= np.linalg.norm(between, axis=1)[:, None]
+        way = middle[j] - middle[i]
+        far = np.einsum("pi,pi->p", way, between)
+        aside = np.linalg.norm(way - far[:, None] * between, axis=1)
+        wide = radius[i] + radius[j]
+        straight = (aside < (1 + CURVED) * wide + CURVED * np.abs(far)) & (np.abs(far) < reach + CURVED * wide)
+        i, j = i[straight], j[straight]
         apart = (self.facets[i][:, :, None] != self.facets[j][:, None, :]).all(axis=(1, 2))
         i, j = np.concatenate([i[apart], j[apart]]), np.concatenate([j[apart], i[apart]])
         places = np.einsum("sk,fki->fsi", _weights(self._lattice, self.flat), corners)

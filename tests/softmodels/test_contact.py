@@ -1,13 +1,27 @@
-"""Walls that meet are seen, and those with silicone between them are not taken for such."""
+"""Walls that meet press on each other by default, and where they overlap it is seen; silicone between them is no gap."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 import pytest
 import scipy
 
-from geometries import HollowDisk, PneuNet
+import softmodels as sm
+from geometries import Bellows, BendingBellows, HollowDisk, PneuNet
+from softmodels.case.case import Case
+from softmodels.case.parts_entry import without_walls
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.system import System
+from softmodels.mechanics.walls.part import WallTerm
+from softmodels.pictures.style import WARNING, headline, title_colour
+from softmodels.results.notes import contact_notes, left_out
 from softmodels.results.self_contact import Walls, _near
+from softmodels.results.state_words import state_words
+
+COARSE = PneuNet(chambers=2, cell_size=0.006)
 
 DISKS = {
     "wedge": HollowDisk(cell_size=0.004, refinement=1.0),
@@ -112,3 +126,84 @@ def test_near_pairs_are_those_of_a_tree(count, flat):
 
 def test_a_single_facet_is_near_none():
     assert not any(len(side) for side in _near(np.zeros((1, 3)), 0.1))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Foreign(PneuNet):
+    """A finger whose faces say nothing of which may meet, as those of a part from a file."""
+
+    meeting = None
+
+
+@pytest.mark.parametrize("device", [COARSE, BendingBellows(), Bellows()], ids=lambda device: type(device).__name__)
+def test_walls_press_by_default_and_a_stored_case_repeats_it(device):
+    case = Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,), parts=(sm.Gravity("-z"),))
+    walls = [part for part in case.parts if isinstance(part, sm.Walls)]
+    assert walls == [sm.Walls()] and walls[0].automatic
+    text = case.to_toml()
+    assert 'faces = "auto"' in text and Case.from_toml(text) == case
+    assert sm.Walls("none") in Case.from_toml(text.replace('faces = "auto"', 'faces = "none"')).parts
+    off = dataclasses.replace(case, parts=(sm.Walls("none"),))
+    assert off.parts == (sm.Walls("none"),) and Case.from_toml(off.to_toml()) == off
+    assert [part.off for part in without_walls(walls)] == [True]
+    assert "press on each other" in left_out(case) and "walls that meet pass through" in left_out(off)
+
+
+@pytest.mark.parametrize("device", [HollowDisk(), PneuNet(gap=0.0, wall=0.002)], ids=["disk", "ribs"])
+def test_devices_whose_walls_never_meet_have_none(device):
+    assert Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,)).parts == ()
+
+
+@pytest.mark.parametrize("faces", ["", "none, chamber_walls", "auto, top", "chamber_walls, chamber_walls"])
+def test_faces_that_cannot_be_meant_are_refused(faces):
+    with pytest.raises(PartError):
+        sm.Walls(faces)
+
+
+def test_a_foreign_part_finds_the_walls_that_face_each_other(comm, tmp_path):
+    """Those of a finger's gaps; a design's model, or one with walls off, has no such term."""
+    foreign = Foreign(**{field.name: getattr(COARSE, field.name) for field in dataclasses.fields(COARSE)})
+    file = COARSE.write(tmp_path / "finger.msh")
+    terms = []
+    for device, walls in ((COARSE, sm.Walls()), (foreign, sm.Walls()), (foreign, sm.Walls("none"))):
+        system = System(Body.from_file(device, file, comm), sm.NeoHookean(30e3, 0.49), parts=[walls])
+        terms.append(system.potential.terms["walls"])
+    named, found, off = terms
+    assert isinstance(named, WallTerm) and not isinstance(off, WallTerm) and not off.energies
+    middles = [term.nodes.places[term.nodes.facets].mean(axis=1) for term in (named, found)]
+    assert sorted(map(tuple, np.round(middles[0], 9))) == sorted(map(tuple, np.round(middles[1], 9)))
+
+
+@pytest.fixture(scope="module")
+def fingers():
+    """Both ways to 3 cm: as by default, and passing through."""
+    return [sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3 cm", parts=parts) for parts in ([], [sm.Walls("none")])]
+
+
+def test_chambers_do_not_pass_through_each_other_by_default(fingers):
+    pressed, passing = (run.path for run in fingers)
+    assert not pressed["walls_touch"].any() and pressed["walls_contact_N"][-1] > 0.0
+    assert pressed["least_gap_mm"].min() > -0.01 * COARSE.wall * 1e3
+    assert passing["walls_touch"][-1] == 1 and passing["least_gap_mm"][-1] < -0.05
+    assert pressed["bend_angle_deg"][-1] > 1.05 * passing["bend_angle_deg"][-1]
+
+
+def test_states_whose_walls_overlap_are_marked_on_pictures_and_in_notes(fingers):
+    pressed, passing = (run._source for run in fingers)
+    words = state_words(passing.case)
+    title = headline(passing.rows[-1], words)
+    assert "WALLS OVERLAP by" in title and title_colour(title) == WARNING
+    assert title_colour(headline(pressed.rows[-1], words)) != WARNING
+    (note,) = contact_notes(passing.case, passing.rows)
+    assert "WALLS OVERLAP" in note and "--walls auto" in note
+    assert contact_notes(pressed.case, pressed.rows) == []
+
+
+def test_a_state_between_two_is_judged_as_their_rows_are(fingers):
+    """Walls that overlap at two states overlap between them, and by an amount between."""
+    run = sm.inflate(COARSE, sm.NeoHookean(16e3), "0,2,4 cm", parts=[sm.Walls("none")])
+    low, high = run.path["least_gap_mm"][[-1, -2]]
+    between = run.at("3 cm").row
+    assert between["walls_touch"] == 1 and low < between["least_gap_mm"] < high < 0.0
+    assert run.at("4 cm").row["least_gap_mm"] == low
+    assert between["least_gap_mm"] == pytest.approx(fingers[1].path["least_gap_mm"][-1], rel=1e-3)
