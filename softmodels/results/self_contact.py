@@ -193,6 +193,10 @@ class Walls:
                 return seen
             before, reach = least, 2.0 * reach
 
+    def shapes(self, points: npt.NDArray[np.int64]) -> Array:
+        """Shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""
+        return _weights(self._lattice, self.flat)[points]
+
     def _within(self, at: Array, reach: float) -> Gaps:
         """Gaps up to a distance."""
         found = [
