@@ -15,7 +15,7 @@ from measurement.own_files import replace_text
 from measurement.own_folder import OwnFolder, OwnFolderError
 from measurement.reasons import reason
 from softmodels.design.asked import in_words, label, shown, shown_factor
-from softmodels.design.cases import case_of
+from softmodels.design.cases import case_of, case_text
 from softmodels.design.errors import DesignError
 from softmodels.design.formulation import KEPT, Formulation
 from softmodels.design.problem import DesignProblem
@@ -116,14 +116,14 @@ class DesignFolder:
         if self._new:
             self.own.remove(self.own.files)
             self.own.claim([TABLE, DESIGN, START, f"{ITERATES}/"], {"inputs": self._identity})
-            replace_text(self.path / START, self.problem.case.to_toml())
+            replace_text(self.path / START, case_text(self.problem, self.problem.case))
             self._new = False
         (self.path / ITERATES).mkdir(exist_ok=True)
         trial = trials[-1]
         names = [f"{trial.number:04d}.json", f"{trial.number:04d}.toml"]
         self._iterates.claim(names)
         with contextlib.suppress(GeometryError):  # a trial that is no device has no case
-            replace_text(self.path / ITERATES / names[1], case_of(self.problem, trial).to_toml())
+            replace_text(self.path / ITERATES / names[1], case_text(self.problem, case_of(self.problem, trial)))
         replace_text(self.path / ITERATES / names[0], trial.to_json())
         replace_text(self.path / TABLE, table(self.problem, trials, form))
         # Values of one mesh are compared alone: those of the one before may keep limits that are passed on a fresh one.
@@ -141,7 +141,7 @@ class DesignFolder:
 
     def _write_best(self, best: Trial) -> None:
         if best.number != self._best:
-            replace_text(self.path / DESIGN, case_of(self.problem, best).to_toml())
+            replace_text(self.path / DESIGN, case_text(self.problem, case_of(self.problem, best)))
             self._best = best.number
 
     def write(self, files: Mapping[str, str | bytes]) -> None:

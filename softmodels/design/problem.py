@@ -70,6 +70,8 @@ class DesignProblem:
     name: str = ""
     folder: Path | None = dataclasses.field(default=None, repr=False)
     bare: bool = dataclasses.field(default=True, repr=False)
+    written: Mapping[str, object] = dataclasses.field(default_factory=dict, repr=False)
+    """The case's tables as its file has them; empty of a case from Python."""
     free: tuple[Free, ...] = dataclasses.field(init=False, default=())
     terms: tuple[Term, ...] = dataclasses.field(init=False, default=())
     objective: str = dataclasses.field(init=False, default="")
@@ -85,7 +87,11 @@ class DesignProblem:
             raise DesignError(str(error)) from None
 
     def _settle(self) -> None:
-        case = self.case if isinstance(self.case, Case) else Case.from_file(_place(self.case, self.folder))
+        case = self.case
+        if not isinstance(case, Case):
+            place = _place(case, self.folder)
+            case = Case.from_file(place)
+            object.__setattr__(self, "written", read_toml(place))
         _check_load(case)
         reader = Reader(case, _registry(), self.bare, self.folder)
         free = free_parameters(case.actuator, _table(self.parameters, "parameters"), self.bare)
@@ -206,9 +212,10 @@ class DesignProblem:
         values = {key: value for key, value in tables.items() if key != "case"}
         case = tables["case"]
         try:
+            written = case if isinstance(case, dict) else {}
             if isinstance(case, dict):
-                case = Case._from_tables(case, folder)
-            return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False)  # type: ignore[arg-type]
+                case = Case._from_tables(dict(case), folder)
+            return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False, written=written)  # type: ignore[arg-type]
         except INPUT_ERRORS as error:
             raise DesignError(str(error)) from None
 
