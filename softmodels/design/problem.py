@@ -292,7 +292,7 @@ def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
 
 
 def _walls_apart(case: Case, terms: Sequence[Term], limits: Sequence[Keep]) -> list[Keep]:
-    """Limits that keep walls from passing through each other at every state where anything is asked of a device whose walls can meet.
+    """Limits that keep walls apart at every state where anything is asked of a device whose walls can meet.
 
     None where the case lets walls pass through each other (walls = "none"), or limits the gap itself.
     """

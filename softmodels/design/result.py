@@ -192,7 +192,11 @@ class DesignResult:
         return [
             f"{row.words} is {in_words(row.keep.quantity, self.values[row.key])}, and has to be "
             f"{'at most' if row.sign > 0 else 'at least'} {in_words(row.keep.quantity, row.limit)}"
-            + (": walls pass through each other, so the other values are of no real device" if _overlaps(row, self.values) else "")
+            + (
+                ": walls pass through each other, so the other values are of no real device"
+                if _overlaps(row, self.values)
+                else ""
+            )
             for row, violation in zip(self.form.rows, violations, strict=True)
             if violation > FRESH_LIMIT
         ]

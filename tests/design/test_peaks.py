@@ -1,4 +1,4 @@
-"""The peak stretch of a design: on coarse and fine meshes the same, in ``path.csv`` too, and kept by a design on a fresh mesh."""
+"""The peak stretch of a design: the same on coarse and fine meshes, in ``path.csv``, and where a design is confirmed."""
 
 from __future__ import annotations
 
@@ -38,10 +38,11 @@ def test_coarse_and_fine_meshes_agree(comm, figure):
     tube = wound(inner_radius=0.0064, wall=0.001)
     quantities = (PeakStretch(at=tube.goals[-1]), PeakVonMises(at=tube.goals[-1]))
     coarse, fine = (
-        DesignModel(dataclasses.replace(tube, actuator=dataclasses.replace(tube.actuator, cell_size=size)), (), quantities, comm)
-        .confirm(np.zeros(0))
+        DesignModel(
+            dataclasses.replace(tube, actuator=dataclasses.replace(tube.actuator, cell_size=size)), (), quantities, comm
+        ).confirm(np.zeros(0))
         for size in (0.002, 0.0006)
-    )  # fmt: skip
+    )
     for asked in quantities:
         name = f"{asked.title}, cells of 2 mm and of 0.6 mm"
         figure("a finer mesh", name, coarse.values[asked.key] / fine.values[asked.key] - 1, 5e-3)

@@ -1,7 +1,7 @@
 """Least gap between walls that face each other across air; below zero where they pass through each other.
 
-The gap at a place of the surface is that of `softmodels.results.self_contact`: the signed distance to the closest place of a wall
-that it faces. The least of many has no derivative where two are equal. The quantity is therefore the smooth minimum of
+The gap at a place of the surface is that of `softmodels.results.self_contact`: the signed distance to the closest place of a
+wall that it faces. The least of many has no derivative where two are equal. The quantity is therefore the smooth minimum of
 Kreisselmeier and Steinhauser (1979, doi 10.1016/S1474-6670(17)65584-8),
 
     -ln(sum over places exp(-rho gap)) / rho,    rho = `SHARPNESS` / t,
@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.design.quantities.base import Measure, Quantity, Slopes, quantity
-from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.section_axes import in_space
 from softmodels.results.grid import Grid, displacement_maps
-from softmodels.results.self_contact import Gaps, Walls
+from softmodels.results.self_contact import LAST_REACH, REACH, Gaps, Walls
 
 if TYPE_CHECKING:
     import scipy.sparse
@@ -35,8 +35,6 @@ Array = npt.NDArray[np.float64]
 
 SHARPNESS = 50.0
 """rho times the thickness of the thinnest wall: ten places that are equally close take 5 % of that thickness off the gap."""
-FAR = 0.3
-"""The gap where no walls are near each other, in sizes of the mesh: as far as they are looked for."""
 
 
 class GapMeasure(Measure):
@@ -62,11 +60,15 @@ class GapMeasure(Measure):
         moved = in_space(system.w.x.array[self._skew] @ system.body.skew_inverse.T * system.length_unit)
         shift = grid.collect(self._places() - self._made + moved)
         value, least, rates = on_root(system.comm, lambda: self._smooth(shift))
-        mesh = grid.distribute(rates) * system.length_unit  # by dimensionless places
+        mesh = grid.distribute(rates if is_root(system.comm) else None) * system.length_unit  # by dimensionless places
         mesh = mesh if motion.dimension == 3 else mesh[:, [0, 2]]
         by_w = np.zeros(system.n)
         by_w[self._skew] = mesh @ system.body.skew_inverse
-        note = f"the least gap at a place is {1e3 * least:.4g} mm" if np.isfinite(least) else "no walls are near each other"
+        note = (
+            f"the least gap at a place is {1e3 * least:.4g} mm"
+            if np.isfinite(least)
+            else "no walls are near each other"
+        )
         return Slopes(value, system.by_unknowns(by_w).copy(), 0.0, self._by_nodes(mesh), note)
 
     def _places(self) -> Array:
@@ -91,9 +93,9 @@ class GapMeasure(Measure):
         if self._walls is None:
             planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
             self._walls = Walls(grid.points, grid.cells, grid.cell_name, planes)
-        gaps, rates = self._walls.gaps(shift), np.zeros_like(shift)
-        if not len(gaps.values):
-            return FAR * self._walls.size, np.inf, rates
+        gaps, rates = self._near(self._walls, shift), np.zeros_like(shift)
+        if not len(gaps.values):  # as far as they are looked for
+            return LAST_REACH * self._walls.size, np.inf, rates
         if not self._rho:
             self._rho = SHARPNESS / float(gaps.thickness.min())
         least = float(gaps.values.min())
@@ -102,6 +104,16 @@ class GapMeasure(Measure):
         value = least - float(np.log(weights.sum())) / self._rho
         _add_rates(rates, self._walls, gaps, near, weights[near] / weights.sum())
         return value, least, rates
+
+    @staticmethod
+    def _near(walls: Walls, shift: Array) -> Gaps:
+        """Gaps up to twice the least one, or as far as they are looked for."""
+        reach = REACH * walls.size
+        while True:
+            gaps = walls.gaps(shift, reach)
+            if np.min(gaps.values, initial=np.inf) < reach / 2 or reach >= LAST_REACH * walls.size:
+                return gaps
+            reach *= 2.0
 
 
 def _add_rates(rates: Array, walls: Walls, gaps: Gaps, chosen: npt.NDArray[np.bool_], shares: Array) -> None:
@@ -122,7 +134,9 @@ def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
 
     mesh, space = grid.space.mesh, design.motion.space
     element = basix.ufl.element("P", mesh.basix_cell(), mesh.geometry.cmaps[0].degree)
-    shapes = element.tabulate(0, grid.space.element.interpolation_points)[0]  # (grid's nodes of a cell, mesh's nodes of it)
+    shapes = element.tabulate(0, grid.space.element.interpolation_points)[
+        0
+    ]  # (grid's nodes of a cell, mesh's nodes of it)
     nodes, own = np.asarray(grid.space.dofmap.list), np.asarray(space.dofmap.list)
     owned, first = np.unique(nodes.ravel(), return_index=True)
     cell, local = np.divmod(first[owned < grid.owned], nodes.shape[1])
@@ -138,7 +152,9 @@ class LeastGap(Quantity):
 
     name: ClassVar = "least_gap"
     unit: ClassVar = "m"
-    help: ClassVar = "least gap between walls that face each other across air (smooth minimum); below zero where they overlap"
+    help: ClassVar = (
+        "least gap between walls that face each other across air (smooth minimum); below zero where they overlap"
+    )
 
     def measure(self, design: DesignedBody) -> Measure:
         return GapMeasure(design)

@@ -83,8 +83,8 @@ class PeakMeasure(FormMeasure):
             return ""
         shown = f"{top / 1e3:.4g} kPa" if self.counted_in_stress else f"{top:.4g}"
         return (
-            f"the mean over the {100 * SHARE:g} % of the silicone where it is largest; the largest value at a point is {shown} on "
-            "this mesh, and grows with refinement at sharp corners and clamped edges"
+            f"the mean over the {100 * SHARE:g} % of the silicone where it is largest; the largest value at a point is {shown} "
+            "on this mesh, and grows with refinement at sharp corners and clamped edges"
         )
 
 
@@ -113,7 +113,7 @@ class PeakStretch(Quantity):
     name: ClassVar = "peak_stretch"
     unit: ClassVar = "1"
     help: ClassVar = (
-        "largest principal stretch, as its mean over the 0.5 % of the silicone where it is largest (1 is undeformed)"
+        "largest principal stretch, the mean over the 0.5 % of the silicone where it is largest (1 is undeformed)"
     )
 
     def measure(self, design: DesignedBody) -> Measure:
@@ -129,7 +129,11 @@ class PeakVonMises(Quantity):
 
     name: ClassVar = "peak_von_mises"
     unit: ClassVar = "Pa"
-    help: ClassVar = "von Mises stress, as its mean over the 0.5 % of the silicone where it is largest"
+    help: ClassVar = "largest von Mises stress, the mean over the 0.5 % of the silicone where it is largest"
+
+    @property
+    def title(self) -> str:
+        return "peak von Mises stress"
 
     def measure(self, design: DesignedBody) -> Measure:
         import ufl
