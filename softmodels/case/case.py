@@ -27,7 +27,7 @@ from softmodels.case.load_request import LoadRequest, LoadRequestEntry
 from softmodels.case.material_check import check_materials
 from softmodels.case.material_errors import AnyBand, ErrorsEntry, MaterialErrors, SourceBand
 from softmodels.case.material_table import DEFAULT
-from softmodels.case.parts_entry import Parts, PartsEntry, check_parts
+from softmodels.case.parts_entry import Parts, PartsEntry, check_parts, with_walls
 from softmodels.case.pressures_entry import Pressures
 from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntry, NameEntry, ProgramEntry
 from softmodels.materials.laws import Material
@@ -153,6 +153,7 @@ class Case:
                 if part is not None:
                     part.check_on(self.actuator)
             self.gauges.check(self.actuator)
+            object.__setattr__(self, "parts", with_walls(self.parts, self.actuator))
             check_parts(self.parts, self.actuator)
             check_materials(self.material, self.parts, self.formulation)
             if self.band is not None:

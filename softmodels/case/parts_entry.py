@@ -95,6 +95,21 @@ def _of_table(kind: type[Part], tables: Tables) -> list[Part]:
     return [kind.read_table(name, table_of(table, name)) for name in table]
 
 
+def with_walls(parts: Sequence[Part], actuator: Actuator) -> Parts:
+    """The parts of a case: walls that meet press on each other unless it says otherwise."""
+    if actuator.meeting == () or any(isinstance(part, Walls) for part in parts):
+        return tuple(parts)
+    kinds = list(PARTS.values())
+    behind = kinds[kinds.index(Walls) + 1 :]
+    at = next((number for number, part in enumerate(parts) if type(part) in behind), len(parts))
+    return (*parts[:at], Walls(), *parts[at:])  # as a case file would be read
+
+
+def without_walls(parts: Sequence[Part]) -> Parts:
+    """Parts for what does not know of walls that press on each other by themselves: designs, and decks."""
+    return tuple(Walls("none") if isinstance(part, Walls) and part.automatic else part for part in parts)
+
+
 def check_parts(parts: Sequence[Part], actuator: Actuator) -> None:
     """Refuse parts that the device cannot take, or that have one name in common.
 

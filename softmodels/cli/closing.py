@@ -14,7 +14,7 @@ from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results.row import Row
 from softmodels.results.stability_report import stability_text
-from softmodels.results.state_words import StateWords, state_words
+from softmodels.results.state_words import StateWords, overlap_text, state_words
 from softmodels.results.store import Results
 from softmodels.results.terms import at_rise, split
 from softmodels.runs.gathering import branch_rows, gather, not_gathered
@@ -54,6 +54,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f"{f', {volume}' if volume else ''}{pressed(row)}, "
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
             f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
+            f"{f'; {overlap}' if (overlap := overlap_text(row)) else ''}"
         )
         if text := _sideways(row, gauge):
             print(text)

@@ -207,7 +207,7 @@ def _sections(states: States, out: DrawnFolder) -> None:
 def _slice(states: States, out: DrawnFolder) -> None:
     """The stress in a section."""
     step, plate = states.main, _plate(states)
-    points, moved, values = states.points, states.moved(step), states.field(step, "von_mises_stress")
+    points, moved, values = states.points, states.moved(step), states.field(step, "von_mises")
     stress = section_pictures.section_stress(
         points, moved, states.cells, values, states.rows[step], states.words, plate
     )

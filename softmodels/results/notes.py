@@ -153,21 +153,24 @@ def volume_notes(rows: Sequence[Row]) -> list[str]:
 
 
 def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """A sentence on walls that have met; none if they have not."""
-    first = next((row for row in rows if row.get("walls_touch")), None)
-    if first is None:
+    """A sentence on walls that overlap; none if they do not."""
+    overlapping = [row for row in rows if row.get("walls_touch")]
+    if not overlapping:
         return []
-    where = state_words(case).place(first)
-    if pressing := [part.faces for part in case.parts if isinstance(part, Walls)]:
-        return [
-            f"at {where} walls that face each other have met and pass through each other: [walls] names "
-            f"{', '.join(pressing)}, and others do not press"
-        ]
+    where, deepest = state_words(case), min(overlapping, key=lambda row: row["least_gap_mm"])
+    count = f"{len(overlapping)} of {len(rows)} states" if len(overlapping) > 1 else "one state"
+    found = (
+        f"WALLS OVERLAP: from {where.place(overlapping[0])} on, in {count}, walls pass through each other, by up to "
+        f"{-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: these states are not real (least_gap_mm and "
+        "walls_touch in path.csv)"
+    )
+    walls = [part for part in case.parts if isinstance(part, Walls) and not part.off]
+    if not walls:
+        auto = "" if case.actuator.meeting == () else " (--walls auto)"
+        return [f"{found}; let them press on each other{auto}, or name them in a [walls] table of a case file"]
     return [
-        f"at {where} walls that face each other have met: from there on they would press on each other, "
-        "and here they pass through; see walls_touch in path.csv, leave more room between them, or name them in a "
-        "[walls] table of a case file (a wall and its mirror image can be stopped at the plane between: "
-        "--contact with --contact-plane)"
+        f"{found}; {', '.join(part.words for part in walls)} press on each other; take smaller cells (--cell-size), a larger "
+        "stiffness, or name the faces there too ([walls])"
     ]
 
 
@@ -205,6 +208,8 @@ def left_out(case: Case) -> str:
     )
     for part in case.parts:
         stopped += part.in_model
+    pressing = [part.words for part in case.parts if isinstance(part, Walls) and not part.off]
+    meeting = f"{'; '.join(pressing)} press on each other without friction, others" if pressing else "walls that meet"
     heavy = any(isinstance(part, Gravity) for part in case.parts)
     weight = "viscosity is" if heavy else "weight and viscosity are"
-    return f"the silicone is elastic; {weight} not in the model, and walls that meet pass through{stopped}"
+    return f"the silicone is elastic; {weight} not in the model, and {meeting} pass through{stopped}"

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from softmodels.results.restart import Restart
 
-FORMAT = 3
+FORMAT = 4
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
 RUN, BRANCH = "run", "branch/"
 """What a folder's record calls a run; the folder inside for a branch that leaves its path."""

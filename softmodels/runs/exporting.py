@@ -12,6 +12,7 @@ from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
 from softmodels.case.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
 from softmodels.case.decks.febio import check_without_springs, febio
+from softmodels.case.parts_entry import without_walls
 
 if TYPE_CHECKING:
     from softmodels.mechanics.system import System
@@ -79,4 +80,4 @@ def _system(case: Case, mesh: Path) -> System | None:
 
     with compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
-        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=case.parts)
+        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=without_walls(case.parts))

@@ -34,7 +34,7 @@ Array = npt.NDArray[np.float64]
 
 VTK_CELLS = {"Triangle_6": 22, "Tetrahedron_10": 24}
 """VTK's number of each kind of cell."""
-PUBLIC = ("displacement", "p", "von_mises_stress", "largest_stretch", "J", "mode")
+PUBLIC = ("displacement", "p", "von_mises", "largest_stretch", "J", "mode")
 """Nodal fields of a state; the mode at a bifurcation alone."""
 
 
@@ -179,7 +179,7 @@ class SolvedState:
         points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
         cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
-        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises_stress``, ``largest_stretch``, ``J`` and, at a
+        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises``, ``largest_stretch``, ``J`` and, at a
             bifurcation, its ``mode``.
     """
 
@@ -213,7 +213,7 @@ class SolvedState:
     @property
     def von_mises(self) -> Array:
         """Von Mises stress in Pa, shape (n,)."""
-        return self.fields["von_mises_stress"]
+        return self.fields["von_mises"]
 
     @property
     def largest_stretch(self) -> Array:
@@ -224,6 +224,16 @@ class SolvedState:
     def J(self) -> Array:
         """Ratio of the silicone's volume to that at rest, shape (n,)."""
         return self.fields["J"]
+
+    @property
+    def p(self) -> Array:
+        """Pressure-like unknown in Pa, shape (n,)."""
+        return self.fields["p"]
+
+    @property
+    def mode(self) -> Array | None:
+        """Mode in which the device leaves its path at a bifurcation, shape (n, 3); None in any other state."""
+        return self.fields.get("mode")
 
     @functools.cached_property
     def grid(self) -> UnstructuredGrid:
