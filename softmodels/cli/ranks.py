@@ -23,7 +23,7 @@ from geometries import GeometryError, MeshFileError, MeshingError, MeshingStoppe
 from measurement.cores import cores
 from measurement.ending import STOPPED, STOPS, asked_to_stop
 from softmodels.case.case import Case
-from softmodels.mechanics.mpi import TERMINAL, StartError, launched
+from softmodels.mechanics.mpi import TERMINAL, StartError, launched, mpich_file
 
 AUTO = "auto"
 EACH = 30_000
@@ -111,7 +111,9 @@ def _nodes(file: Path) -> int:
 
 def _launcher() -> str | None:
     """The launcher of the MPI in use: the wheel's stands beside Python."""
-    return shutil.which("mpirun", path=str(Path(sys.executable).parent)) or shutil.which("mpirun")
+    own = mpich_file("mpirun")
+    beside = shutil.which("mpirun", path=str(Path(sys.executable).parent))
+    return beside or (str(own) if own else None) or shutil.which("mpirun")
 
 
 def start_again(ranks: int) -> int:
