@@ -316,7 +316,7 @@ def _walls_apart(case: Case, terms: Sequence[Term], limits: Sequence[Keep]) -> l
     ):
         return []
     asked = [one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "parts", (whole,))]
-    loads = sorted({one.load for one in asked if getattr(one, "load", None) is not None})
+    loads = sorted({load for one in asked if isinstance(load := getattr(one, "load", None), Load)})
     return [Keep(LeastGap(at=load), at_least=0.0) for load in loads]
 
 
