@@ -96,7 +96,7 @@ def test_a_wall_that_goes_through_its_mirror_plane_is_seen(drawings, tmp_path):
     assert not walls.least(np.outer(-0.7 * half * bulge, [0.0, 1.0, 0.0])).overlaps
     shift = -1.5 * half * bulge
     gap = walls.least(np.outer(shift, [0.0, 1.0, 0.0]))
-    assert gap.overlaps and gap.value == pytest.approx(2 * (half + shift.min()))
+    assert gap.overlaps and gap.value == pytest.approx(2 * (half + shift.min()), rel=0.02)
     assert gap.rates[:, 1].sum() == pytest.approx(2.0)
 
 
