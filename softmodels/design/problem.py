@@ -26,6 +26,7 @@ from softmodels.design.asked import (
 )
 from softmodels.design.errors import DesignError
 from softmodels.design.free import Free, crossed_corners, free_parameters
+from softmodels.design.loads import Load
 from softmodels.design.quantities.base import Quantity
 from softmodels.design.quantities.gaps import LeastGap
 from softmodels.design.tolerances import tolerances_of
