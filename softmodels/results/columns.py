@@ -260,8 +260,9 @@ COLUMNS: list[Column | Columns] = [
     Column("stored_energy_mJ", "stored energy", "elastic energy of the whole device",
            lambda s: s.figures.stored_energy * 1e3),
     Column("least_gap_mm", "least gap",
-           "smallest distance between walls that face each other across air, below zero where they overlap; empty where none "
-           "is near another", lambda s: None if s.gap is None else s.gap.value * 1e3),
+           "smallest distance between walls that face each other across air, below zero where they overlap; where none are "
+           "near, the distance up to which it is looked for",
+           lambda s: (s.fields.walls.reach if s.gap is None else s.gap.value) * 1e3),
     Column("walls_touch", "walls overlap",
            f"1 where walls pass through each other by more than {OVERLAP:.0%} of their thickness: the state is not real",
            lambda s: int(s.gap is not None and s.gap.overlaps)),

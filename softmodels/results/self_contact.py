@@ -106,6 +106,7 @@ class Walls:
 
     Attributes:
         facets: Nodes of each facet, corners first, shape (f, 3 or 6).
+        reach: Distance in m up to which walls are near each other: a fiftieth of the mesh's size, or half a facet.
         thickness: From the middle of each facet straight through the solid to its other side, in m at rest, shape (f,).
     """
 
@@ -137,7 +138,8 @@ class Walls:
         self._rest = self._middles(points)
         self._air = _joined(self.facets)
         corner = points[self.facets[:, :2]]
-        self._edge = float(np.median(np.linalg.norm(corner[:, 1] - corner[:, 0], axis=1))) if len(corner) else 0.0
+        edge = float(np.median(np.linalg.norm(corner[:, 1] - corner[:, 0], axis=1))) if len(corner) else 0.0
+        self.reach = max(REACH * size, 0.5 * edge)
         beyond = _neighbours(number.ravel(), len(parts), surface)
         self.thickness = _through(points, cells, parts[:, :corners], beyond, owner[chosen], self._rest)
 
@@ -181,10 +183,10 @@ class Walls:
 
         Args:
             displacement: Of the nodes in m, shape (n, 3).
-            reach: Distance in m up to which walls are near; a fiftieth of the mesh's size, or half a facet, if None.
+            reach: Distance in m up to which walls are near; `reach` if None.
         """
         at, before = self.points + displacement, np.inf
-        reach = max(REACH * self.size, 0.5 * self._edge) if reach is None else reach
+        reach = self.reach if reach is None else reach
         while True:
             seen = self._within(at, reach)
             least = float(np.min(seen.values, initial=np.inf))

@@ -15,6 +15,9 @@ import pytest
 from geometries import Actuator, CutPlane, Hold
 from geometries.fields import choice_field, length_field, number_field
 
+KEPT = 6
+"""Equations that are kept for tests that ask for them again."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Plain(Actuator):
@@ -537,9 +540,10 @@ def body_of(comm, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def equilibrium(body_of):
-    """Return a function that gives the equations of a device, once per device, law and formulation.
+    """Return a function that gives the equations of a device, once per device, law and formulation while they are in use.
 
-    A state of the equations belongs to the test that asks: every use begins with a solve or with values of its own.
+    A state of the equations belongs to the test that asks: every use begins with a solve or with values of its own. Those asked
+    for last are kept: each has a factorisation, and all of a session's together take gigabytes.
     """
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
@@ -552,7 +556,9 @@ def equilibrium(body_of):
         terms = len(getattr(material, "mu", ()))
         if (key, terms) not in known:
             known[key, terms] = Solver(System(body_of(actuator, kind), material, formulation))
-        equations = known[key, terms]
+        equations = known[key, terms] = known.pop((key, terms))  # the last one asked for comes last
+        while len(known) > KEPT:
+            known.pop(next(iter(known)))
         equations.system.set_material(material)
         return equations
 
@@ -560,7 +566,7 @@ def equilibrium(body_of):
 
 
 @pytest.fixture(scope="session")
-def solved(equilibrium):
+def solved():
     """Return a function that follows a device through requested values and gives its path and all its points.
 
     The points end where the path does; `PathEnd` is the third value then, else None.
