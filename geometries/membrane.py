@@ -24,12 +24,16 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from geometries.actuator import Hold, Vector
-from geometries.fields import choice_field, length_field, lengths_field
+from geometries.fields import choice_field, field_of, length_field, lengths_field
+from geometries.kinds import Length, Open
 from geometries.membrane_checks import check_membrane
 from geometries.membrane_panels import membrane_panels
 from geometries.panels import Panel
 from geometries.registry import register
 from geometries.revolved import Revolved, section_field, through_field, wedge_field
+
+ROUNDED = 1 / 3
+"""Width and depth of the slope at the held edge, in thicknesses, where a plate is bonded on."""
 
 
 @register
@@ -51,6 +55,10 @@ class Membrane(Revolved):
     clamp: str = choice_field(
         "both", ("both", "below", "slip"), "both faces held in the clamp, the lower one alone (glued to the chamber), or both "
         "held across and free to slip inwards"
+    )  # fmt: skip
+    clamp_rounding: float | None = field_of(
+        Open(Length(zero=True)), "width and depth of the slope at the upper edge of the clamp, where the edge is held; "
+        "0 for a sharp edge; a third of the thickness with a plate, else 0, if left out", None, shape=False,
     )  # fmt: skip
     plate_radius: float = length_field(0.0, "radius of a plate bonded on the middle; 0 for none", zero=True)
     plate_thickness: float = length_field(
@@ -90,6 +98,18 @@ class Membrane(Revolved):
     def rows(self) -> int:
         """Fewer turn more stiffly at the held edge; of more, that corner may have a limit of its own before the membrane's."""
         return round(self.through) or (3 if self.dimension == 2 else 2)
+
+    @property
+    def slope(self) -> float:
+        """Width and depth in m of the slope at the held edge.
+
+        A membrane with a plate is loaded so far that it turns over its clamp. The silicone at a sharp upper edge is then folded
+        against what holds it, in fewer and fewer cells, which ends the path long before the device does.
+        """
+        if self.clamp_rounding is not None or self.clamp_width:
+            return self.clamp_rounding or 0.0
+        bare = self.radius - max(self.plate_radius, *self.rings, 0.0)
+        return min(ROUNDED * self.thickness, 0.5 * bare) if self.plate_radius else 0.0
 
     @property
     def thinnest(self) -> float:
@@ -165,4 +185,6 @@ class Membrane(Revolved):
     def solid_volume(self) -> float:
         rings = sum(outer**2 - inner**2 for inner, outer in self.ring_pairs)
         parts = self.plate_radius**2 * self.plate_thickness + rings * self.ring_thickness
-        return math.pi * ((self.radius + self.clamp_width) ** 2 * self.thickness + parts)
+        # Pappus: the slope's triangle goes around at its centre of mass.
+        off = self.slope**2 * (self.radius - self.slope / 3)
+        return math.pi * ((self.radius + self.clamp_width) ** 2 * self.thickness + parts - off)

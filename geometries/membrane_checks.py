@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 THINNEST = 1e-3
 """Smallest thickness in radii: thinner ones wrinkle and tear before they are clamped, and their cells become needles."""
 
+ROUNDEST = 0.8
+"""Largest depth of the slope at the held edge in thicknesses: some of the edge has to be held."""
+
 DEEPEST = 20.0
 """Largest depth of the chamber, and thickness of plate and rings, in radii."""
 
@@ -54,6 +57,17 @@ def _check_clamp(membrane: Membrane) -> None:
         raise GeometryError(
             f"clamp_width is {shown(membrane.clamp_width, 'm')}; with radius {shown(membrane.radius, 'm')} the membrane passes "
             f"{LONGEST:g} m, which looks like a mistaken unit"
+        )
+    if membrane.clamp_rounding and membrane.clamp_width:
+        raise GeometryError(
+            f"clamp_rounding is {shown(membrane.clamp_rounding, 'm')}; it is of a held edge, and with clamp_width "
+            f"{shown(membrane.clamp_width, 'm')} the faces of a ring are held: leave one of them out"
+        )
+    deepest, inside = ROUNDEST * membrane.thickness, membrane.radius - max(membrane.plate_radius, *membrane.rings, 0.0)
+    if membrane.slope > deepest or membrane.slope >= inside > 0.0:
+        raise GeometryError(
+            f"clamp_rounding is {shown(membrane.slope, 'm')}; it must be at most {ROUNDEST:g} of thickness, "
+            f"{shown(deepest, 'm')}, and less than what is bare inside the clamp, {shown(inside, 'm')}"
         )
     if membrane.clamp != "both" and not membrane.clamp_width:
         raise GeometryError(f"clamp is {membrane.clamp!r}; it needs a clamp_width, which is 0")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from geometries.panels import Panel, Side, graded
+from geometries.panels import ROUNDING, Panel, Side, graded
 
 if TYPE_CHECKING:
     from geometries.membrane import Membrane
@@ -23,6 +24,7 @@ class Strip(NamedTuple):
         growth: Length of a cell over that of the one inside of it.
         part: What its upper face is: ``"top"``, ``"plate"``, ``"ring1"`` ... or ``"clamp_top"``.
         height: Thickness in m of what is bonded on it.
+        slope: By how much its upper face is lower at its outer end, m.
     """
 
     inner: float
@@ -31,6 +33,7 @@ class Strip(NamedTuple):
     growth: float
     part: str
     height: float
+    slope: float = 0.0
 
 
 def parts(membrane: Membrane) -> list[tuple[float, float, str, float]]:
@@ -43,7 +46,7 @@ def parts(membrane: Membrane) -> list[tuple[float, float, str, float]]:
         found.append((at, inner, "top", 0.0))
         found.append((inner, outer, f"ring{k}", membrane.ring_thickness))
         at = outer
-    found.append((at, membrane.radius, "top", 0.0))
+    found.append((at, membrane.radius - membrane.slope, "top", 0.0))
     if membrane.clamp_width:
         found.append((membrane.radius, membrane.radius + membrane.clamp_width, "clamp_top", 0.0))
     return found
@@ -69,6 +72,9 @@ def strips(membrane: Membrane) -> list[Strip]:
             end = outer if k == len(pieces) else begin + length
             found.append(Strip(begin, end, cells, growth, part, height))
             begin = end
+    if slope := membrane.slope:
+        cells = max(1, math.ceil(slope / across - ROUNDING))
+        found.append(Strip(membrane.radius - slope, membrane.radius, cells, 1.0, "top", 0.0, slope))
     return found
 
 
@@ -104,7 +110,7 @@ def _panel(
 ) -> Panel:
     """A rectangle: heights of its span, roles of its lower and upper face and of its ends, cells through it."""
     (low, high), (below, above), (inside, outside) = span, faces, ends
-    corners = ((strip.inner, low), (strip.outer, low), (strip.outer, high), (strip.inner, high))
+    corners = ((strip.inner, low), (strip.outer, low), (strip.outer, high - strip.slope), (strip.inner, high))
     a, b, c, d = corners
     return Panel(region, (
         Side(a, b, strip.cells, below, growth=strip.growth), Side(b, c, through, outside),

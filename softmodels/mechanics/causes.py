@@ -12,7 +12,9 @@ class Cause:
     Attributes:
         clause: What happens there.
         advice: What can be done, a sentence without its full stop.
+        of_mesh: Whether it is the mesh's, and the device may well go on: no limit of the device is known then.
     """
 
     clause: str
     advice: str
+    of_mesh: bool = False

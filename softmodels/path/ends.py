@@ -17,6 +17,24 @@ LOCKED = Cause(
 SNAPPED = Cause(
     "the device snaps: the pressures and forces have a limit point, and the volumes and travels that they work on turn back "
     "there too, so that neither can be raised further",
-    "Stay below; if the part that snaps is no more than a cell or two, at a sharp edge that is pressed on, round the edge, or "
-    "let the faces beside it meet what it is pressed on",
+    "Stay below, or leave out what turns it over",
 )
+
+
+def folded(cells: float, place: str, at: str) -> Cause:
+    """The end of a path at which nothing but a cell or a few of them turn over.
+
+    Args:
+        cells: How many take part in it.
+        place: Undeformed place of the one that moves most, with its unit.
+        at: What it is at, a clause that begins with a comma; empty inside.
+    """
+    few = "one cell" if cells < 1.5 else f"{cells:.0f} cells"
+    return Cause(
+        f"{few} of the mesh would fold at {place} of the undeformed device{at}, and what is asked for turns back with that: a "
+        "fold of the mesh at a sharp edge, and no limit of the device",
+        "Round that edge (--fillet, --rounding or --clamp-rounding, as the device has it), let the faces beside it meet what "
+        "they are pressed on, or take larger cells there (--cell-size, fewer cells --through); the states up to here are not "
+        "affected",
+        of_mesh=True,
+    )

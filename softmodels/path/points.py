@@ -97,4 +97,4 @@ class PathEnd(Exception):
     @property
     def physical(self) -> bool:
         """Whether the device has no state of rest beyond it, and it is not the method that has lost it."""
-        return self.limit is not None or self.cause is not None
+        return self.limit is not None or (self.cause is not None and not self.cause.of_mesh)

@@ -8,16 +8,18 @@ gone, which is regular there, as near a bifurcation (`softmodels.path.branching`
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.mechanics.causes import Cause
+from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.system import State
+from softmodels.mechanics.system import State, System
 from softmodels.mechanics.tangent import Tangent
 from softmodels.path.corrector import Corrector, Emptied
-from softmodels.path.ends import EMPTIED, LOCKED, SNAPPED
+from softmodels.path.ends import EMPTIED, LOCKED, SNAPPED, folded
 from softmodels.path.modes import Mode
 from softmodels.path.points import PathEnd, Point
 from softmodels.path.quantities import AddedVolume, Followed, Plane, Quantity
@@ -34,6 +36,8 @@ ASTRAY = 2.0
 """Length of a step over the foretold one, above which Newton's method has found another branch."""
 TOLERANCE = 1e-10
 """Of the directions, relative: what they have beyond the whole's motion may be a thousandth of it."""
+FEW = (6.0, 0.1)
+"""Cells that take part in a motion, and share of all, up to which it is a fold of the mesh."""
 FALLING = 2
 """States in a row with less than the one before, from which what is requested has turned back."""
 
@@ -71,13 +75,19 @@ def _cause_of(corrector: Corrector, requested: Quantity, failure: NoConvergence)
         if cause := term.breakdown(system):
             return cause
     try:
-        return SNAPPED if snaps(corrector, requested) else None
+        part = snapping(corrector, requested)
     except NoConvergence:
         return None
+    if part is None:
+        return None
+    fold = Concentration(system, part)
+    return folded(fold.cells, *fold.place) if fold.local else SNAPPED
 
 
-def snaps(corrector: Corrector, requested: Quantity) -> bool:
-    """Whether what is requested turns back just beyond a path's last point, where the device loses its stability.
+def snapping(corrector: Corrector, requested: Quantity) -> Array | None:
+    """The motion of what snaps, local dofs, if what is requested turns back just beyond a path's last point; else None.
+
+    It does where the device loses its stability there.
 
     Args:
         corrector: Of the path; its factorisation is not kept.
@@ -89,7 +99,7 @@ def snaps(corrector: Corrector, requested: Quantity) -> bool:
     last, points = corrector.trail.last, corrector.trail.points
     value = requested.value(last.state.V, last.state.P)
     if len(points) < 2 or not requested.rate(last.state, last.tangent) > 0.0:  # the first point has come from nowhere
-        return False
+        return None
     ahead, fallen, unstable = Ahead(corrector), 0, _unstable(requested, last)
     for _ in range(MOST_STATES):
         ahead.step()
@@ -101,8 +111,8 @@ def snaps(corrector: Corrector, requested: Quantity) -> bool:
             corrector.solver.factorise(ahead.state)
             signature = corrector.stability.signature(exact=True)
             beyond = dataclasses.replace(last, state=ahead.state, tangent=ahead.tangent, signature=signature)
-            return _unstable(requested, beyond) != unstable
-    return False
+            return ahead.part if _unstable(requested, beyond) != unstable else None
+    return None
 
 
 def _unstable(requested: Quantity, point: Point) -> int:
@@ -161,10 +171,15 @@ class Ahead:
             self.solver.factorise(state)
         raise NoConvergence("no state near beyond the last one")
 
-    def _part(self) -> Mode:
-        """What the motion has beyond that of the whole, as a measure of unit length."""
+    @property
+    def part(self) -> Array:
+        """What the motion has beyond that of the whole, local dofs."""
         whole, w = self._measure(self._whole.w), self.tangent.w
-        beyond = w - whole.share(w) * self._whole.w
+        return np.asarray(w - whole.share(w) * self._whole.w)
+
+    def _part(self) -> Mode:
+        """The same as a measure of unit length."""
+        beyond = self.part
         length = self._measure(beyond).length
         if not length:
             raise NoConvergence("the whole device moves on as before")
@@ -179,3 +194,69 @@ class Ahead:
         rate = self.solver.tangent_along(state, along.image, TOLERANCE)
         length = self._measure(rate.w).length
         return Tangent(rate.w / length, rate.P / length, rate.V / length)
+
+
+class Concentration:
+    """In how many cells a motion is, by the squares of its gradient: a fold hardly moves the rest, but carries it along.
+
+    Args:
+        system: The equations; w is overwritten.
+        shape: Local dofs, shape as `State.w`.
+
+    Attributes:
+        cells: (sum e)^2 / sum e^2 of the cells' integrals e: 1 where one has all of it, all of them where all have as much.
+    """
+
+    def __init__(self, system: System, shape: Array):
+        import ufl
+        from dolfinx import fem
+
+        self.system, body = system, system.body
+        system.w.x.array[:] = shape[: system.dofs]
+        test = ufl.TestFunction(fem.functionspace(body.mesh, ("DG", 0)))
+        slope = body.deformation_gradient(system.potential.displacement) - ufl.Identity(3)
+        form = system.form(ufl.inner(slope, slope) * test * body.hoop * body.measures()[0])
+        self._shares = fem.assemble_vector(form).array[: len(system.cells)]
+        whole, squares = (total(system.comm, float((self._shares**k).sum())) for k in (1, 2))
+        self.cells = whole**2 / squares if squares else math.inf
+
+    @property
+    def local(self) -> bool:
+        """Whether it is in a few cells, of many."""
+        return self.cells <= min(FEW[0], FEW[1] * total(self.system.comm, float(len(self.system.cells))))
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Undeformed middle of the cell with most of it, in mm, and the faces that it is at: the same on all ranks."""
+        from dolfinx import mesh as meshes
+
+        system, body = self.system, self.system.body
+        mesh, comm = body.mesh, system.comm
+        mine = int(self._shares.argmax()) if len(self._shares) else 0
+        best = float(self._shares[mine]) if len(self._shares) else -math.inf
+        found = ("", "")
+        if best == largest(comm, best):
+            middle = (
+                meshes.compute_midpoints(mesh, mesh.topology.dim, np.array([mine], dtype=np.int32)) * system.length_unit
+            )
+            place = body.actuator.device_points(middle)[0] * 1e3
+            corners = set(mesh.topology.connectivity(mesh.topology.dim, 0).links(mine).tolist())
+            cut = {plane.name for plane in body.actuator.cut_planes} | {"axis"}
+            faces = [
+                role
+                for role, (dimension, entities) in body.entities.items()
+                if dimension == mesh.topology.dim - 1 and role not in cut and self._touches(entities, corners)
+            ]
+            found = (
+                f"({', '.join(f'{x:.4g}' for x in place)}) mm",
+                f", where it is at {' and '.join(faces)}" if faces else "",
+            )
+        else:
+            mesh.topology.create_connectivity(mesh.topology.dim - 1, 0)
+        return next(one for one in comm.allgather(found) if one[0])
+
+    def _touches(self, entities: npt.NDArray[np.int32], corners: set[int]) -> bool:
+        topology = self.system.body.mesh.topology
+        topology.create_connectivity(topology.dim - 1, 0)
+        links = topology.connectivity(topology.dim - 1, 0).links
+        return any(not corners.isdisjoint(links(facet).tolist()) for facet in entities)

@@ -130,7 +130,7 @@ def _search(solver: Solver, fields: Fields) -> Limit:
     except (PathEnd, NoConvergence) as end:
         kind, why = "lost", str(end)
         if isinstance(end, PathEnd) and end.cause:
-            kind, why = "limit", end.cause.clause
+            kind, why = "lost" if end.cause.of_mesh else "limit", end.cause.clause
     assert last is not None  # the state at rest is always there
     figures = fields.figures(last.state)
     return Limit(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.case.case import Case
+from softmodels.mechanics.causes import Cause
 from softmodels.path.program import LOAD_KEYS, step_text
 from softmodels.results.columns import loads_words
 from softmodels.results.lost_path import advice, mended
@@ -31,9 +32,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
     )
     if end.cause:
-        return f"no equilibrium at {asked} on this path: {end.cause.clause}. {where}" + mended(
-            case, end.cause, last.max_stretch
-        )
+        return f"{_not_met(asked, end.cause)}: {end.cause.clause}. {where}" + mended(case, end.cause, last.max_stretch)
     if end.limit is None:
         return f"{asked} was not reached: {end}. {where}" + advice(
             case,
@@ -85,7 +84,7 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
     if end.cause:
         return (
-            f"no equilibrium at {asked} on this path: {end.cause.clause}. The last state has {place}, and {moved}. "
+            f"{_not_met(asked, end.cause)}: {end.cause.clause}. The last state has {place}, and {moved}. "
             f"{mended(case, end.cause, float(at['max_stretch']))}"
         )
     if end.limit is None:
@@ -100,6 +99,11 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
         f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it {beyond}."
         f" Stay below, take {case.actuator.stiffer} or a stiffer silicone, or give {instead}"
     )
+
+
+def _not_met(asked: str, cause: Cause) -> str:
+    """That what was asked for was not met: there is none, or the mesh does not lead there."""
+    return f"{asked} was not reached" if cause.of_mesh else f"no equilibrium at {asked} on this path"
 
 
 def _or_its_travel(table: str) -> str:

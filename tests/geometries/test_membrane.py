@@ -31,7 +31,8 @@ def test_a_section_has_its_roles_and_volumes(membrane, meshed):
     turned = {name: mesh.groups[2, name].turned for name in solids}
     assert sum(turned.values()) == pytest.approx(membrane.solid_volume, rel=1e-10)
     edge = membrane.radius + membrane.clamp_width
-    assert turned["solid"] == pytest.approx(math.pi * edge**2 * membrane.thickness, rel=1e-10)
+    off = math.pi * membrane.slope**2 * (membrane.radius - membrane.slope / 3)
+    assert turned["solid"] == pytest.approx(math.pi * edge**2 * membrane.thickness - off, rel=1e-10)
     lines = np.concatenate([mesh.groups[1, name].corners for name in faces])
     assert len(np.unique(np.sort(lines, axis=1), axis=0)) == len(lines)
     lower, clamp = mesh.at(1, "cavity"), mesh.at(1, "clamp")
@@ -54,6 +55,17 @@ def test_a_plate_of_its_own_is_bonded_where_it_lies(meshed):
     order = seen[np.argsort(membrane.along_profile(seen))]
     steps = np.linalg.norm(np.diff(order, axis=0), axis=1)
     assert steps.max() < membrane.cell_size and order[0, 0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_held_edge_slopes_off_where_there_is_a_plate(meshed):
+    """By a third of the thickness unless told otherwise, and not without a plate or in the clamp of a ring."""
+    plated = Membrane(plate_radius=0.008)
+    clamp = meshed(plated).at(1, "clamp")
+    assert clamp[:, 0] == pytest.approx(plated.radius) and clamp[:, 1].max() == pytest.approx(plated.thickness * 2 / 3)
+    sharp = Membrane(plate_radius=0.008, clamp_rounding=0.0)
+    assert meshed(sharp).at(1, "clamp")[:, 1].max() == pytest.approx(sharp.thickness)
+    assert sharp.slope == Membrane().slope == Membrane(plate_radius=0.008, clamp_width=0.002).slope == 0.0
+    assert from_table(to_table(sharp)) == sharp and Membrane(clamp_rounding=1e-4).slope == 1e-4
 
 
 def test_a_wedge_has_its_roles_and_volumes(meshed):
@@ -90,6 +102,8 @@ WRONG = {
     r"rings\[3\] is 11 mm; it must be larger than rings\[2\], 12 mm": {"rings": (0.01, 0.012, 0.011, 0.014)},
     r"rings\[1\] is 7 mm; it must be larger than plate_radius": {"plate_radius": 0.008, "rings": (0.007, 0.01)},
     r"rings\[2\] is 21 mm; it must be smaller than radius": {"rings": (0.01, 0.021)},
+    "clamp_rounding is 1 mm; it must be at most 0.8 of thickness": {"clamp_rounding": 1e-3},
+    "clamp_rounding is 0.2 mm; it is of a held edge": {"clamp_rounding": 2e-4, "clamp_width": 1e-3},
     "chamber_depth is 5 m": {"chamber_depth": 5.0},
     "cell_size is 25 mm": {"cell_size": 0.025},
     "through is 1.5": {"through": 1.5},
