@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
-from geometries.errors import GeometryError
+from geometries.errors import GeometryError, whole_path
 from geometries.fields import choice_field, list_field, text_field
 from geometries.symmetry import reflected
 
@@ -84,6 +84,7 @@ class ImportedPart(Actuator):
     def check(self) -> None:
         if not self.file:
             raise GeometryError(f"file is empty; name the part's {self.kind}")
+        object.__setattr__(self, "file", whole_path(self.file))
         if not self.cavities:
             raise GeometryError(
                 "cavities is empty; give a point in the air of each, such as 'at 10, 0, 4 mm', or name its wall"

@@ -10,6 +10,7 @@ from pathlib import Path
 from geometries import Actuator
 from measurement import wording
 from measurement.arguments import callback, checked, flag, place
+from measurement.one_at_a_time import one_at_a_time
 from measurement.units import WATER_DENSITY
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
@@ -112,6 +113,7 @@ def inflate(
 
 
 @checked
+@one_at_a_time
 def run(
     case: Case | str | Path,
     *,
@@ -165,6 +167,7 @@ class _Each(Silent):
 
 
 @checked
+@one_at_a_time
 def load(folder: str | Path) -> Run:
     """A run from a folder of results; DOLFINx is needed only where a state is asked for that is not stored.
 
@@ -182,6 +185,7 @@ def load(folder: str | Path) -> Run:
 
 
 @checked
+@one_at_a_time
 def limit(
     device: Actuator,
     material: Material | str,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from measurement.arguments import checked, place
+from measurement.one_at_a_time import one_at_a_time
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
 from softmodels.case.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
@@ -20,6 +21,7 @@ WRITERS = {".inp": (check, calculix), ".feb": (check_without_springs, febio)}
 
 
 @checked
+@one_at_a_time
 def export(case: Case | str | Path, file: str | Path) -> Deck:
     """Write a case for another program: the same mesh, silicones, supports, rigid parts, contact, dead loads and pressures.
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from measurement.arguments import callback, checked, one_of, several, span
+from measurement.one_at_a_time import one_at_a_time
 from softmodels.fitting.believable import Expected, expected, hold_against, stretch_of
 from softmodels.fitting.comparison import Comparison, compare
 from softmodels.fitting.curves.columns import TensileError
@@ -49,6 +50,7 @@ def prepared(curves: Sequence[TensileCurve], stretch: tuple[float, float] | None
 
 
 @checked
+@one_at_a_time
 def fit_curves(
     curves: Sequence[TensileCurve | Path | str] | TensileCurve | Path | str,
     material: Laws = "yeoh",
