@@ -187,9 +187,9 @@ def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs:
             )
     _check_unchanged(results)
     results.prepare({"inputs": dict(wanted), "case_file": _digest(text)})
-    for file, name in copies.items():
-        (results.folder / name).parent.mkdir(exist_ok=True)
-        shutil.copyfile(file, results.folder / name)
+    for source, copy in copies.items():
+        (results.folder / copy).parent.mkdir(exist_ok=True)
+        shutil.copyfile(source, results.folder / copy)
     write_text(results.folder / "case.toml", text)
 
 
