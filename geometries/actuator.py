@@ -88,6 +88,15 @@ class Actuator(Designable, Castable, Presented, ABC):
     meshed: ClassVar[bool] = False
     """Whether `build` leaves a mesh, which is taken as it is."""
 
+    @property
+    def meeting(self) -> tuple[str, ...] | None:
+        """Faces whose walls meet as the device moves, and press on each other unless a case says otherwise.
+
+        One text for each group of faces that may meet each other and themselves, with commas between them; empty where no
+        walls meet; None where only the mesh shows which do.
+        """
+        return ()
+
     def __post_init__(self) -> None:
         settle(self)
         self.check()

@@ -19,6 +19,9 @@ from measurement.camera.camera import Camera, Points
 DEGREE = 4
 """Degree of the polynomial that stands for the lens within a window."""
 
+NODES = 7
+"""Places along each side of a window at which the lens is asked."""
+
 SETTLED = 1e-3
 """Step in px below which corners are where they belong."""
 
@@ -34,23 +37,20 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
     """
     light = gray.astype(np.float32)
     slopes = [cv2.Scharr(light, cv2.CV_32F, *order) / 32.0 for order in ((1, 0), (0, 1))]
-    steps = np.arange(-reach, reach + 1)
-    window = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    nodes, spread = _interpolation(reach, window)
+    places = np.linspace(-1.0, 1.0, NODES)
+    nodes = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
+    # A lens is so smooth that a polynomial over a window stands for it, and spares sending every pixel through it.
+    fit = np.linalg.pinv(polyvander2d(nodes[:, 0], nodes[:, 1], [DEGREE, DEGREE]))
     seen = corners.copy()
     for _ in range(10):
         # The window moves by whole pixels, so that nothing is taken between them; its weights move with the corner.
-        start = np.rint(seen).astype(int)[:, None, :]
-        pixels = start + window
-        inside = np.all((pixels > 0) & (pixels < np.array(gray.shape[::-1]) - 1), axis=2)
-        pixels = np.where(inside[..., None], pixels, 1)
-        far = np.sum((pixels - seen[:, None]) ** 2, axis=2)
-        weight = np.where(inside, np.exp(-2.0 * far / reach**2), 0.0)
-        gradient = np.stack([slope[pixels[..., 1], pixels[..., 0]] for slope in slopes], axis=-1)
-        straight = [
-            part @ camera.undistort((start + nodes).reshape(-1, 2)).reshape(-1, len(nodes), 2) for part in spread
-        ]
-        found = _agreed(straight, gradient.astype(float), weight, seen, camera)
+        middles = np.rint(seen).astype(int)
+        ideal = camera.undistort((middles[:, None] + reach * nodes).reshape(-1, 2)).reshape(len(seen), -1, 2)
+        starts, steps = camera.undistort(seen), np.zeros_like(seen)
+        for number, (middle, lens) in enumerate(zip(middles, fit @ ideal, strict=True)):
+            steps[number] = _step(slopes, middle, seen[number], starts[number], lens, reach)
+        found = camera.distort(starts + steps)
+        found = np.where(np.isfinite(found), found, seen)
         # A corner that runs away stays where it was: its window holds no corner.
         found = np.where(np.linalg.norm(found - corners, axis=1)[:, None] < 0.5 * reach, found, seen)
         moved = float(np.abs(found - seen).max())
@@ -60,37 +60,46 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
     return seen
 
 
-def _interpolation(reach: int, window: NDArray[np.int64]) -> tuple[Points, list[Points]]:
-    """Nodes (m, 2) about a corner and matrices (k, m) that take what is known there to a window's pixels (k, 2).
+def _step(
+    slopes: list[Points], middle: NDArray[np.int64], seen: Points, start: Points, lens: Points, reach: int
+) -> Points:
+    """From a corner to the point that the edges of its window run through, in ideal pixels, shape (2,).
 
-    The first matrix gives the value, the others its derivatives in x and y. A lens is so smooth that a polynomial of the
-    fourth degree over a window stands for it, and spares sending every pixel through it.
+    Args:
+        slopes: Slopes of the light along x and y (h, w).
+        middle: The pixel in the middle of the window.
+        seen: The corner in px of the photograph.
+        start: The same in ideal pixels.
+        lens: Coefficients ((DEGREE + 1)^2, 2) of the ideal place over that in the window.
+        reach: Half width of the window in px.
     """
-    steps = np.linspace(-1.0, 1.0, 7)
-    nodes = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    fit = np.linalg.pinv(polyvander2d(nodes[:, 0], nodes[:, 1], [DEGREE, DEGREE]))
-    x, y = window.T / reach
-    powers = np.arange(DEGREE)
-    along = [polyvander(at, DEGREE) for at in (x, y)]
-    slopes = [np.pad(part[:, :-1] * (powers + 1), ((0, 0), (1, 0))) / reach for part in along]
-    pairs = ((along[0], along[1]), (slopes[0], along[1]), (along[0], slopes[1]))
-    return nodes * reach, [
-        np.einsum("ki,kj->kij", first, second).reshape(len(window), -1) @ fit for first, second in pairs
+    span = [
+        np.arange(max(at - reach, 1), min(at + reach, size - 2) + 1)
+        for at, size in zip(middle, slopes[0].shape[::-1], strict=True)
     ]
-
-
-def _agreed(straight: list[Points], gradient: Points, weight: Points, seen: Points, camera: Camera) -> Points:
-    """The points (n, 2) of the photograph that the edges (n, k) of each window run through in ideal pixels."""
-    ideal, slope = straight[0], np.stack(straight[1:], axis=-1)
-    carried = np.linalg.solve(np.swapaxes(slope, 2, 3), gradient[..., None])[..., 0]
-    start = camera.undistort(seen)
-    offset = ideal - start[:, None]
-    weighted = carried * weight[..., None]
-    normal = np.einsum("nki,nkj->nij", weighted, carried)
-    right = np.einsum("nki,nk->ni", weighted, np.sum(carried * offset, axis=2))
+    if not all(map(len, span)):
+        return np.zeros(2)
+    powers, rises, weights = [], [], []
+    for pixels, at, exact in zip(span, middle, seen, strict=True):
+        power = polyvander((pixels - at) / reach, DEGREE)
+        powers.append(power)
+        rises.append(np.pad(power[:, :-1] * np.arange(1, DEGREE + 1), ((0, 0), (1, 0))) / reach)
+        weights.append(np.exp(-2.0 * (pixels - exact) ** 2 / reach**2))
+    weight = weights[1][:, None] * weights[0]
+    gx, gy = (slope[span[1][0] : span[1][-1] + 1, span[0][0] : span[0][-1] + 1].astype(float) for slope in slopes)
+    table = lens.reshape(DEGREE + 1, DEGREE + 1, 2)
+    (x, y), (x_x, y_x), (x_y, y_y) = (
+        # Not by matrix products: BLAS would start threads for each of them.
+        [np.einsum("yj,xj->yx", down, np.einsum("xi,ij->xj", across, table[..., axis])) for axis in (0, 1)]
+        for across, down in ((powers[0], powers[1]), (rises[0], powers[1]), (powers[0], rises[1]))
+    )
+    # The light's gradient carried into ideal pixels.
+    size = x_x * y_y - y_x * x_y
+    cx, cy = (gx * y_y - gy * y_x) / size, (gy * x_x - gx * x_y) / size
+    along = weight * (cx * (x - start[0]) + cy * (y - start[1]))
+    mixed = np.sum(weight * cx * cy)
+    normal = np.array([[np.sum(weight * cx**2), mixed], [mixed, np.sum(weight * cy**2)]])
     try:
-        step = np.linalg.solve(normal, right[..., None])[..., 0]
+        return np.linalg.solve(normal, np.array([np.sum(along * cx), np.sum(along * cy)]))
     except np.linalg.LinAlgError:  # a window without any edge
-        return seen
-    found = camera.distort(start + step)
-    return np.where(np.isfinite(found), found, seen)
+        return np.zeros(2)

@@ -11,8 +11,10 @@ import tomli_w
 from measurement.camera.camera import CameraError
 from measurement.cli import option_texts as texts
 from measurement.cli.exits import DONE, FAILED, SOME_REFUSED, check_place, stop, write_text
+from measurement.cli.progress import bar
 from measurement.output_file import check_output_file, has_table
 from measurement.own_folder import OwnFolderError
+from measurement.screen.calibration import STEPS, Calibration
 from measurement.screen.calibration import calibrate as calibrated
 from measurement.screen.setup import SetupError
 from measurement.units import UnitError
@@ -28,7 +30,8 @@ REACHED = 0.9
 @click.option("--pitch", default="25mm", show_default=True, metavar="LENGTH", help="Side of a square.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("camera.toml"), show_default=True,
               help="Camera file to write, for setup --lens.")  # fmt: skip
-def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: Path) -> None:
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: Path, quiet: bool) -> None:
     """Calibrate the camera from PHOTOGRAPHS of a flat chessboard.
 
     Take ten or so with the focus and zoom of the measurement, the board tilted each time another way, and see to it that
@@ -41,18 +44,26 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     try:
         check_output_file(output, photographs, lambda file: has_table("camera")(file) and not has_table("plane")(file),
                           "the camera file", "-o")  # fmt: skip
-        made = calibrated(photographs, texts.pattern(pattern), texts.length(pitch))
+        board, side = texts.pattern(pattern), texts.length(pitch)
+        with bar("looking for boards", STEPS * len(photographs), quiet) as advance:
+            made = calibrated(photographs, board, side, advance)
     except (OwnFolderError, UnitError, SetupError) as error:
         stop(str(error))
     except CameraError as error:
         stop(str(error), FAILED)
-    camera = made.camera
-    table = tomli_w.dumps({"camera": camera.as_table()})
+    table = tomli_w.dumps({"camera": made.camera.as_table()})
     write_text(output, f"# A camera; made by python -m measurement calibrate.\n{table}")
-    for path, rms in made.per_image.items():
-        click.echo(f"{path}: {rms:.2f} px")
     for path, why in made.refused.items():
         click.echo(f"{path}: refused, {why}", err=True)
+    if not quiet:
+        _report(made, output)
+    sys.exit(SOME_REFUSED if made.refused else DONE)
+
+
+def _report(made: Calibration, output: Path) -> None:
+    camera = made.camera
+    for path, rms in made.per_image.items():
+        click.echo(f"{path}: {rms:.2f} px")
     click.echo(
         f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
         f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, their corners miss by "
@@ -68,4 +79,3 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
             "would tell the lens beyond",
             err=True,
         )
-    sys.exit(SOME_REFUSED if made.refused else DONE)

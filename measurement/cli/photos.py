@@ -14,6 +14,7 @@ import numpy as np
 from measurement.camera.pixels import TONES, Unmeasurable, read_photograph
 from measurement.cli.exits import DONE, FAILED, SOME_REFUSED, UNUSABLE, stop
 from measurement.cli.option_texts import length, with_error
+from measurement.cli.progress import bar
 from measurement.cores import cores
 from measurement.edge.tracing import AUTO
 from measurement.outline.outline import Outline
@@ -139,21 +140,13 @@ def _measured(
     listed: Sequence[Photograph], setup: Setup, zero: ZeroLine, folder: ResultFolder, options: Options
 ) -> Measurement:
     """Measure all and write the results."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True, quiet=options.quiet)
-    shown = Progress(console=console, disable=options.quiet or not console.is_terminal, transient=True)
     try:
         with folder.writing() as output:
             edges = output / "edges" if options.pictures else None
             if edges is not None:
                 edges.mkdir()
-            with shown as bar:
-                task = bar.add_task("measuring", total=len(listed))
-                results = measure_all(
-                    listed, setup, zero, options.tone, options.jobs, edges, lambda result: bar.advance(task)
-                )
+            with bar("measuring", len(listed), options.quiet) as advance:
+                results = measure_all(listed, setup, zero, options.tone, options.jobs, edges, lambda result: advance())
             made = Measurement(tuple(results), setup, zero)
             made.write(output)
             if options.pictures:

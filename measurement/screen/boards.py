@@ -18,6 +18,13 @@ CORNER_ERROR = 0.1
 REACH = 0.4
 """Half width of the window that fixes a corner, as a share of the way to the closest one: wider ones see its edges too."""
 
+SEARCHED = (900, 1800)
+"""Longer sides in px of the reduced pictures that a board is searched in, before the whole one."""
+LEAST_REDUCTION = 1.5
+"""Factor below which a reduced picture is not searched."""
+ENOUGH = 4
+"""Half width in px of a corner's window in a reduced picture from which its corners are taken."""
+
 
 def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera: Camera | None = None) -> GridPoints:
     """Find the inner corners of a chessboard.
@@ -37,23 +44,40 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
     gray = gray_bytes(image)
     if min(pattern) < 3:
         raise GridError(f"a chessboard of {columns} x {rows} inner corners is too small; give at least 3 x 3")
-    found, corners = cv2.findChessboardCornersSB(
-        gray, pattern, flags=cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
-    )
-    if not found:
-        known = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE + cv2.CALIB_CB_FAST_CHECK
-        found, corners = cv2.findChessboardCorners(gray, pattern, flags=known)
-    if not found:
+    corners = _searched(gray, pattern)
+    if corners is None:
         raise GridError(
             f"no chessboard with {columns} x {rows} inner corners was found; check the pattern and the picture"
         )
-    reach = corner_reach(corners.reshape(-1, 2))
+    reach = corner_reach(corners)
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-5)
-    corners = cv2.cornerSubPix(gray, corners.astype(np.float32), (reach, reach), (-1, -1), stop)
+    corners = cv2.cornerSubPix(gray, corners.astype(np.float32).reshape(-1, 1, 2), (reach, reach), (-1, -1), stop)
     across, down = np.meshgrid(np.arange(columns), np.arange(rows))
     indices = np.column_stack([across.ravel(), down.ravel()])
     px = corners.reshape(-1, 2).astype(float)
     return _points(px if camera is None else straightened_corners(gray, px, camera, reach), indices, camera)
+
+
+def _searched(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
+    """Corners (n, 2) of the board in px, right to about a pixel; None if it is not there.
+
+    The search begins with reduced pictures: its time grows faster than their pixels.
+    """
+    longest = max(gray.shape)
+    for side in (*SEARCHED, longest):
+        if side < longest / LEAST_REDUCTION or side == longest:
+            scale = longest / side
+            size = (round(gray.shape[1] / scale), round(gray.shape[0] / scale))
+            small = gray if side == longest else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+            found, corners = cv2.findChessboardCornersSB(
+                small, pattern, flags=cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
+            )
+            if found and (small is gray or corner_reach(corners.reshape(-1, 2)) >= ENOUGH):
+                scales = np.array(gray.shape[::-1]) / small.shape[::-1]
+                return np.asarray((corners.reshape(-1, 2).astype(float) + 0.5) * scales - 0.5)
+    known = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE + cv2.CALIB_CB_FAST_CHECK
+    found, corners = cv2.findChessboardCorners(gray, pattern, flags=known)
+    return corners.reshape(-1, 2).astype(float) if found else None
 
 
 def find_charuco(

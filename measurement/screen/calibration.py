@@ -6,7 +6,9 @@ The corners are measured again in the lens that they gave (`camera.corners`), un
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -14,7 +16,8 @@ import numpy as np
 
 from measurement.camera.camera import Camera, CameraError, Points
 from measurement.camera.corners import straightened_corners
-from measurement.screen.board_views import seen_boards
+from measurement.cores import cores
+from measurement.screen.board_views import BoardView, seen_boards
 from measurement.screen.boards import corner_reach
 
 FEWEST = 3
@@ -28,6 +31,9 @@ UNKNOWN = 0.5
 
 ROUNDS = 2
 """Times that corners are measured again in the lens found: the second moves them by less than a thousandth of a pixel."""
+
+STEPS = 1 + ROUNDS
+"""Steps of a calibration for each photograph: the search of its board, and its corners measured again."""
 
 COEFFICIENTS = 5
 """Coefficients of the lens: k1, k2, p1, p2, k3 in OpenCV's order."""
@@ -59,18 +65,24 @@ class Calibration:
     refused: dict[str, str]
 
 
-def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pitch: float = 0.025) -> Calibration:
+def calibrate(
+    paths: Sequence[Path | str],
+    pattern: tuple[int, int] = (9, 6),
+    pitch: float = 0.025,
+    each: Callable[[], object] = lambda: None,
+) -> Calibration:
     """Calibrate a camera from at least three photographs of a chessboard, held at different angles.
 
     Args:
         paths: The photographs; those without the board are refused by name and the rest is used.
         pattern: Inner corners of the board in a row and in a column.
         pitch: Side of a square in m.
+        each: Called at each of the `STEPS` for every photograph, to show how far it is.
 
     Raises:
         CameraError: Too few usable photographs, or corners that fit no camera.
     """
-    views, refused = seen_boards(map(str, paths), pattern)
+    views, refused = seen_boards(map(str, paths), pattern, each)
     if len(views) < FEWEST:
         reasons = "; ".join(f"{path}: {reason}" for path, reason in refused.items())
         raise CameraError(
@@ -86,10 +98,9 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
         )
     for _ in range(ROUNDS):
         camera = solution.camera(size, "")
-        corners = [
-            straightened_corners(view.gray, found, camera, corner_reach(found))
-            for view, found in zip(views, corners, strict=True)
-        ]
+        straight = functools.partial(_straightened, camera)
+        with ThreadPoolExecutor(cores()) as pool:
+            corners = [(each(), found)[1] for found in pool.map(straight, views, corners)]
         solution = _solve(corners, board, size)
     return Calibration(
         camera=calibrated_from(corners, board, size),
@@ -98,6 +109,10 @@ def calibrate(paths: Sequence[Path | str], pattern: tuple[int, int] = (9, 6), pi
         coverage=float(reached(corners, size).max()),
         refused=refused,
     )
+
+
+def _straightened(camera: Camera, view: BoardView, corners: Points) -> Points:
+    return straightened_corners(view.gray, corners, camera, corner_reach(corners))
 
 
 def calibrated_from(views: list[Points], board: Points, size: tuple[int, int]) -> Camera:

@@ -25,9 +25,9 @@ from softmodels.case.gauges import Gauges
 from softmodels.case.load import STIFFNESS_RANGE, Load
 from softmodels.case.load_request import LoadRequest, LoadRequestEntry
 from softmodels.case.material_check import check_materials
-from softmodels.case.material_errors import ErrorsEntry, MaterialErrors
+from softmodels.case.material_errors import AnyBand, ErrorsEntry, MaterialErrors, SourceBand
 from softmodels.case.material_table import DEFAULT
-from softmodels.case.parts_entry import Parts, PartsEntry, check_parts
+from softmodels.case.parts_entry import Parts, PartsEntry, check_parts, with_walls
 from softmodels.case.pressures_entry import Pressures
 from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntry, NameEntry, ProgramEntry
 from softmodels.materials.laws import Material
@@ -92,7 +92,8 @@ class Case:
         obstacle: A rigid plane that faces of the device come to rest on.
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
         parts: What else is added to the device; see `softmodels.mechanics.parts`.
-        band: Errors of the material, whose 95 % band is told of every state; None for none.
+        band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
+            solved too; None for neither.
         driven: Requested forces, or travels, of a dead load among these.
         solver: How linear equations are solved; no number depends on it.
 
@@ -133,7 +134,7 @@ class Case:
     obstacle: Obstacle | None = dataclasses.field(default=None, metadata=_written(PartEntry(Obstacle)))
     gauges: Gauges = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
     parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
-    band: MaterialErrors | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
+    band: AnyBand | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
     driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
     solver: str = _value(
         "solver", "method", Choice(METHODS),
@@ -152,6 +153,7 @@ class Case:
                 if part is not None:
                     part.check_on(self.actuator)
             self.gauges.check(self.actuator)
+            object.__setattr__(self, "parts", with_walls(self.parts, self.actuator))
             check_parts(self.parts, self.actuator)
             check_materials(self.material, self.parts, self.formulation)
             if self.band is not None:
@@ -175,8 +177,8 @@ class Case:
         object.__setattr__(self, "material", material_of("material", self.material))
         object.__setattr__(self, "parts", several("parts", self.parts, Part, "a part, such as sm.Gravity('-z')"))
         object.__setattr__(self, "program", several("program", self.program, Series, "a series of a program"))
-        for name, (kind, wanted) in _KINDS.items():
-            one_of(name, getattr(self, name), (kind, types.NoneType), wanted)
+        for name, (kinds, wanted) in _KINDS.items():
+            one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
         if self.gauges is None:
             object.__setattr__(self, "gauges", gauge_tables.NONE)
 
@@ -277,13 +279,13 @@ class Case:
         return cls(**{"name": given["actuator"].stem, "material": DEFAULT, **given})
 
 
-_KINDS: dict[str, tuple[type, str]] = {
-    "sheet": (Sheet, "a sheet, such as sm.Sheet('top', '20 kN/m')"),
-    "obstacle": (Obstacle, "an obstacle, such as sm.Obstacle('top', 'z = 9 mm')"),
-    "supply": (AirSupply, "a supply of air, such as sm.Syringe()"),
-    "gauges": (Gauges, "gauges"),
-    "band": (MaterialErrors, "errors of the material, as a fit gives them"),
-    "driven": (LoadRequest, "requested values of a load"),
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "sheet": ((Sheet,), "a sheet, such as sm.Sheet('top', '20 kN/m')"),
+    "obstacle": ((Obstacle,), "an obstacle, such as sm.Obstacle('top', 'z = 9 mm')"),
+    "supply": ((AirSupply,), "a supply of air, such as sm.Syringe()"),
+    "gauges": ((Gauges,), "gauges"),
+    "band": ((MaterialErrors, SourceBand), "errors of the material as a fit gives them, or the name of a silicone"),
+    "driven": ((LoadRequest,), "requested values of a load"),
 }
 """Fields that hold a value of a class, or nothing."""
 

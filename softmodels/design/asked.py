@@ -83,9 +83,11 @@ def highest_pressure(asked: Asked) -> float | None:
 
 
 def label(asked: Asked, cm: float) -> str:
-    """What a quantity is, with the pressure in cm of water as on the bench."""
+    """What a quantity is, with its pressure as the user wrote it; in cm of water, as on the bench, where it was a number."""
     pressure = pressure_of(asked)
-    return asked.key if pressure is None else f"{asked.title} at {pressure / cm:.5g} cm"
+    if pressure is None or asked.at is None:
+        return asked.key
+    return f"{asked.title} at {Load.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
 
 
 class Reader:
@@ -170,23 +172,24 @@ class Reader:
             raise DesignError(f"{where}: {asked.name} needs the pressure it is taken at (at)")
         pressure, last = highest_pressure(asked), self.case.goals[-1]
         if pressure is not None and pressure > last * (1 + 1e-9):
-            cm = self.case.cm
+            said, cm = getattr(asked.at, "text", ""), self.case.cm
             raise DesignError(
-                f"{where}: {asked.title} is asked at {pressure / cm:.5g} cm, above the case's last pressure, {last / cm:.5g} cm"
+                f"{where}: {asked.title} is asked at {said or f'{pressure / cm:.5g} cm'}, above the case's last pressure, "
+                f"{last / cm:.5g} cm ({last / 1e3:.5g} kPa)"
             )
         return asked
 
     def _at(self, value: object, where: str) -> object:
-        """A pressure in Pa, or a `Load` of an added volume."""
+        """A pressure in Pa, or a `Load` of a text."""
         if not isinstance(value, str):
             return read(f"{where}: at", value, "Pa", self.bare)
         try:
             amount, unit = number_and_unit(value)
             if unit == "cm":
-                return _positive(amount * self.case.cm, value, where)
+                return Load(PRESSURE, _positive(amount * self.case.cm, value, where), value)
             if unit and _is_volume(value):
-                return Load(VOLUME, _positive(quantity(value, "m^3"), value, where))
-            return _positive(quantity(value, "Pa"), value, where)
+                return Load(VOLUME, _positive(quantity(value, "m^3"), value, where), value)
+            return Load(PRESSURE, _positive(quantity(value, "Pa"), value, where), value)
         except UnitError as error:
             raise DesignError(f"{where}: at is no pressure ({error}); write it like 177 cm or 17 kPa") from None
 

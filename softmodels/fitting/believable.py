@@ -10,9 +10,9 @@ from measurement.units import brief
 from measurement.wording import known_are
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.soundness import Judgement
+from softmodels.materials.homogeneous import secant_modulus
 from softmodels.materials.material import Material
 from softmodels.materials.silicones import PRODUCTS, named, silicone_called
-from softmodels.materials.specimens import respond
 from softmodels.materials.spread import product_of
 
 CASTABLE = (5e3, 1.5e6)
@@ -57,7 +57,7 @@ class Expected:
         """Lowest and highest believable secant shear modulus in Pa at a stretch."""
         if not self.curves:
             return CASTABLE
-        moduli = [secant(curve, stretch) for curve in self.curves]
+        moduli = [secant_modulus(curve, stretch) for curve in self.curves]
         return min(moduli) / self.room[0], max(moduli) * self.room[1]
 
 
@@ -89,12 +89,6 @@ def published(name: str) -> tuple[Material, ...]:
     return tuple(one.material for one in sources if one.pulled)
 
 
-def secant(material: Material, stretch: float) -> float:
-    """Shear modulus in Pa of the neo-Hookean specimen with the same nominal stress at a uniaxial stretch."""
-    soft: Material = dataclasses.replace(material, poisson=0.5)  # type: ignore[call-arg]
-    return float(respond(soft, [stretch]).stress[0]) / (stretch - stretch**-2)
-
-
 def objection(material: Material, largest: float, known: Expected) -> str:
     """A sentence if a fitted law is none of its silicone's, empty if it may be.
 
@@ -104,7 +98,7 @@ def objection(material: Material, largest: float, known: Expected) -> str:
         known: What its silicone leads to.
     """
     stretch = min(STRETCH, max(largest, 1.05))
-    modulus, (low, high) = secant(material, stretch), known.range(stretch)
+    modulus, (low, high) = secant_modulus(material, stretch), known.range(stretch)
     if low <= modulus <= high:
         return ""
     side = f"{low / modulus:.3g} times below" if modulus < low else f"{modulus / high:.3g} times above"

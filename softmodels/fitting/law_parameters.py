@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 from measurement.units import brief
 from measurement.wording import meant
 from softmodels.fitting.problem import FitError, Parameter
-from softmodels.materials.material import LAWS, Material, MaterialError
+from softmodels.materials.material import LAWS, Material, MaterialError, parameter_fields
 
 Array = npt.NDArray[np.float64]
 Design = Callable[[Material, Sequence[str]], Array]
@@ -83,13 +83,14 @@ class LawChoice:
         """Unit of one of `names`."""
         return self.law.parameter_unit(name)
 
-    def material(self, values: Mapping[str, float]) -> Material:
-        """The material with these numbers.
+    def material(self, values: Mapping[str, float], stretches: tuple[float, float] | None = None) -> Material:
+        """The material with these numbers, which were fitted over a range of stretch.
 
         Raises:
             MaterialError: The law cannot take them.
         """
-        return self.law.from_parameters(values, self.terms, self.poisson)
+        made = self.law.from_parameters(values, self.terms, self.poisson)
+        return made if stretches is None else dataclasses.replace(made, fitted_stretch=stretches)
 
     def parameters(self, start: Mapping[str, float]) -> tuple[Parameter, ...]:
         """Parameters with the law's own bounds about a start."""
@@ -188,7 +189,7 @@ def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: floa
 
     Each factor has the sign that gives its term a shear modulus above zero (Ogden's mu_i alpha_i).
     """
-    fields = {field.name: field.metadata for field in dataclasses.fields(choice.law) if field.metadata["many"]}
+    fields = {field.name: field.metadata for field in parameter_fields(choice.law) if field.metadata["many"]}
     factor = next(name for name, about in fields.items() if about["unit"] == "Pa")
     shape = next(name for name, about in fields.items() if about["grid"])
     grid = fields[shape]["grid"]

@@ -12,8 +12,8 @@ from measurement.one_at_a_time import one_at_a_time
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.fitting.curves.columns import TensileError
-from softmodels.fitting.curves.curve import TensileCurve, read_curve
-from softmodels.fitting.curves.fit_curves import prepared
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.fit_curves import Curves, prepared
 from softmodels.fitting.curves.stress_error import RELATIVE, StressError
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.scoring import Score, score_curve, score_outlines
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from softmodels.fitting.outlines.measured_device import MeasuredDevice
 
 type Materials = Material | str | Sequence[Material | str] | Mapping[str, Material | str]
-type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 type Outlines = Path | str | Sequence[Outline | Path | str]
 
 
@@ -68,15 +67,14 @@ def score(
     """
     known = _named(materials)
     measured = several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
-    read = [one if isinstance(one, TensileCurve) else read_curve(Path(one)) for one in measured]
+    ready = prepared(measured, span("stretch", stretch)) if measured else []
     given = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
     flag("untrusted", untrusted)
     if (device is None) != (not given):
         raise FitError("a device and its outlines belong together; give both, or neither")
-    if not read and not given:
+    if not ready and not given:
         raise FitError("there is nothing to score against; give a tensile curve, or a device with its outlines")
     error = error_of(stress_error)
-    ready = prepared(read, span("stretch", stretch)) if read else []
     scores = [score_curve(name, one, curve, error) for curve in ready for name, one in known.items()]
     if device is not None:
         scores += against_outlines(known, device, outlines_of(given, untrusted), start())

@@ -64,6 +64,22 @@ def poissons_ratio() -> float:
     return parameter("", "Poisson's ratio at small strain, -1 to 0.5", 0.49, bounds=(-1.0, 0.5))
 
 
+def parameter_fields(law: Material | type[Material]) -> list[dataclasses.Field[Any]]:
+    """The fields of a law that are its `parameter`s, in their order."""
+    return [field for field in dataclasses.fields(law) if "unit" in field.metadata]
+
+
+def _check_range(law: str, stretches: tuple[float, float] | None) -> None:
+    if stretches is None:
+        return
+    try:
+        low, high = map(float, stretches)
+    except (TypeError, ValueError):
+        low, high = math.nan, math.nan
+    if not 0.0 < low < high < math.inf:
+        raise MaterialError(f"{law}: fitted_stretch = {stretches} is no range of stretch; write it like [1.02, 3.0]")
+
+
 @dataclasses.dataclass(frozen=True)
 class Material:
     """Interface of a law. Parameters are in Pa or dimensionless; see each class.
@@ -80,6 +96,8 @@ class Material:
         isochoric: Whether `shape` is of the isochoric strain alone.
         conventions: Ways in which the same parameters are written, the law's own first; empty where there is one alone.
         convention_help: What the conventions are.
+        fitted_stretch: Range of stretch that the parameters were fitted over; None where that is not known. It is no part of
+            the law: two materials that differ in it alone are equal.
     """
 
     name: ClassVar[str]
@@ -92,11 +110,15 @@ class Material:
     isochoric: ClassVar[bool] = True
     conventions: ClassVar[tuple[str, ...]] = ()
     convention_help: ClassVar[str] = ""
+    fitted_stretch: tuple[float, float] | None = dataclasses.field(
+        default=None, kw_only=True, compare=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         if type(self) is Material:
             raise MaterialError("Material is what all laws have in common; take one of them, such as Yeoh")
-        for field in dataclasses.fields(self):
+        _check_range(self.name, self.fitted_stretch)
+        for field in parameter_fields(self):
             of = Quantity(field.metadata["unit"])
             kind = Several(of) if field.metadata["many"] else of
             try:
@@ -202,7 +224,7 @@ class Material:
     @classmethod
     def parameter_names(cls, terms: int = 0) -> tuple[str, ...]:
         """Names of its numbers but for Poisson's ratio, those of terms counted through: ``mu1``, ``alpha1``, ``mu2`` ..."""
-        single = [f.name for f in dataclasses.fields(cls) if not f.metadata["many"] and f.name != "poisson"]
+        single = [f.name for f in parameter_fields(cls) if not f.metadata["many"] and f.name != "poisson"]
         return (*single, *(f"{name}{i + 1}" for i in range(terms) for name in _term_fields(cls)))
 
     @classmethod
@@ -225,7 +247,7 @@ class Material:
         """
         single = {name: values[name] for name in cls.parameter_names()}
         many = {name: tuple(values[f"{name}{i + 1}"] for i in range(terms)) for name in _term_fields(cls)}
-        return cls(**single, **many, poisson=poisson)  # type: ignore[call-arg]
+        return cls(**single, **many, poisson=poisson)  # type: ignore[call-arg, arg-type]
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -259,7 +281,7 @@ class Material:
 
 
 def _term_fields(law: type[Material]) -> list[str]:
-    return [field.name for field in dataclasses.fields(law) if field.metadata["many"]]
+    return [field.name for field in parameter_fields(law) if field.metadata["many"]]
 
 
 def _plain(field: dataclasses.Field[Any]) -> float:
@@ -268,7 +290,7 @@ def _plain(field: dataclasses.Field[Any]) -> float:
 
 
 def _field(law: type[Material], name: str) -> dataclasses.Field[Any]:
-    fields = {field.name: field for field in dataclasses.fields(law)}
+    fields = {field.name: field for field in parameter_fields(law)}
     return fields[name] if name in fields else fields[name.rstrip("0123456789")]
 
 

@@ -100,6 +100,19 @@ class Part(abc.ABC):
     def check_on(self, actuator: Actuator) -> None:  # noqa: B027
         """Raise `PartError` where it cannot be on a device; the mesh is not made yet."""
 
+    @property
+    def weighs(self) -> float:
+        """Mass in kg of its own, which gravity pulls at; 0 for none."""
+        return 0.0
+
+    @property
+    def lifted(self) -> bool:
+        """Whether that mass stands beside the device, which lifts it, and is no load on it otherwise."""
+        return False
+
+    def check_under(self, gravity: Array) -> None:  # noqa: B027
+        """Raise `PartError` where it cannot be under gravity's acceleration in m/s2, shape (3,), in device coordinates."""
+
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Part:
         """The part of a table of a case file; `FieldError` or the part's own error for what is none."""
@@ -194,19 +207,23 @@ class Setting:
         w: The unknowns.
         displacement: Skew components of the displacement in w, in UFL; `Body.displacement` makes u of it.
         per_pascal: One pascal in shear moduli of the silicone.
+        gravity: Its acceleration in m/s2, shape (3,), in device coordinates; zero where the case has none.
     """
 
     body: Body
     w: fem.Function
     displacement: Expr
     per_pascal: fem.Constant
+    gravity: Array
 
 
 class Matter(Protocol):
-    """One of the materials of a device: its law, and its owned local cells."""
+    """One of the materials of a device: its region's name, empty for the main one, its law, and its owned local cells."""
 
+    name: str
     material: Material
     cells: npt.NDArray[np.int32]
+    dx: ufl.Measure
 
 
 class Equations(Protocol):

@@ -12,9 +12,10 @@ from measurement import wording
 from measurement.arguments import callback, checked, flag, place
 from measurement.one_at_a_time import one_at_a_time
 from measurement.units import WATER_DENSITY
+from measurement.user_file import read_text
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
-from softmodels.case.material_errors import MaterialErrors
+from softmodels.case.material_errors import AnyBand
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import is_root, start
@@ -57,7 +58,7 @@ def inflate(
     obstacle: Obstacle | None = None,
     parts: Part | Sequence[Part] = (),
     gauges: Gauges | None = None,
-    band: MaterialErrors | None = None,
+    band: AnyBand | str | Path | None = None,
     cycle: bool = False,
     program: Program = (),
     water_density: float | str = WATER_DENSITY,
@@ -84,7 +85,8 @@ def inflate(
         obstacle: A rigid plane that faces come to rest on.
         parts: What else is added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
         gauges: Named points and angles that are told in every state.
-        band: Errors of the material, whose 95 % band is told of every state.
+        band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
+            are computed, or the file of a fit.
         cycle: Whether the pressure is lowered again through the same values, with jumps at limit points.
         program: What each of several cavities goes through by itself, in place of one requested quantity.
         water_density: Density of the column's liquid: kg/m3, or a text.
@@ -177,7 +179,7 @@ def load(folder: str | Path) -> Run:
     """
     where = place("folder", folder, "a folder of results")
     try:
-        summary = json.loads((where / "summary.json").read_text())
+        summary = json.loads(read_text(where / "summary.json"))
         ended = Ended(int(summary["status"]), str(summary["message"]))
     except (OSError, ArithmeticError, ValueError, KeyError, TypeError, RecursionError):
         ended = Ended()  # a run that goes on, or was cut off

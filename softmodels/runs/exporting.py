@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 from measurement.arguments import checked, place
 from measurement.one_at_a_time import one_at_a_time
+from measurement.user_file import GEOMETRY, read_file
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
 from softmodels.case.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
 from softmodels.case.decks.febio import check_without_springs, febio
+from softmodels.case.parts_entry import without_walls
 
 if TYPE_CHECKING:
     from softmodels.mechanics.system import System
@@ -46,7 +48,7 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
         raise CaseError(
             f"{path} ends in {path.suffix or 'nothing'}; decks are {' for CalculiX and '.join(WRITERS)} for FEBio"
         )
-    if path.exists() and WRITTEN.encode() not in path.read_bytes()[:500]:
+    if path.exists() and WRITTEN.encode() not in read_file(path, GEOMETRY)[:500]:
         raise CaseError(f"{path} is there already and is no deck of this program; give another name")
     refuse, writer = WRITERS[suffix]
     refuse(whole)
@@ -80,4 +82,4 @@ def _system(case: Case, mesh: Path) -> System | None:
 
     with compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
-        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=case.parts)
+        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=without_walls(case.parts))

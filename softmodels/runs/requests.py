@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TypedDict, Unpack
 
 import numpy as np
@@ -17,7 +18,7 @@ from measurement.units import WATER_DENSITY, UnitError, brief, number, pascal_pe
 from measurement.wording import meant
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
-from softmodels.case.material_errors import MaterialErrors
+from softmodels.case.material_errors import AnyBand, band_of
 from softmodels.case.ranges import ML, SeriesError, factor_of, of_text, one_of_text, series, split_text
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
@@ -44,7 +45,7 @@ class Options(TypedDict, total=False):
     sheet: Sheet | None
     obstacle: Obstacle | None
     parts: Part | Sequence[Part]
-    band: MaterialErrors | None
+    band: AnyBand | str | Path | None
     cycle: bool
     program: Program
     gauges: Gauges | None
@@ -84,6 +85,8 @@ def case_of(
         "strokes_ml": _in("ml", options.get("strokes"), "stroke", cm),
         **chosen,
     }
+    if isinstance(band := fields.get("band"), str | Path):
+        fields["band"] = band_of(band)
     case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
     _doubt_pressures(pressures, case)
     return case

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import io
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,14 +16,15 @@ import numpy.typing as npt
 from measurement.arguments import checked, place
 from measurement.one_at_a_time import one_at_a_time
 from measurement.units import UnitError, brief, number
+from measurement.user_file import file_digest
 from measurement.wording import Spoken, known_are, spoken, written
 from softmodels.case.case import CaseError
-from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.limits import Limit
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.results.row import Row
+from softmodels.results.sources import in_order
 from softmodels.results.state_words import state_words
 from softmodels.results.store import Results
 from softmodels.runs.between import solve_between
@@ -165,10 +166,16 @@ class Run:
             spoken(self._ended.message),
         )  # fmt: skip
 
+    @functools.cached_property
+    def sources(self) -> dict[str, Sequence[Row]]:
+        """Rows of ``path.csv`` under each source of the silicone by name, from the softest to the stiffest, this run's own
+        among them; empty unless the case's ``band`` is a silicone's."""
+        return in_order(self.case, self.rows, self._source.others)
+
     @property
     def notes(self) -> list[str]:
         """What one must know before trusting the numbers: sentences, none if all is well."""
-        return [spoken(note) for note in notes_of(self.case, self.rows)]
+        return [spoken(note) for note in notes_of(self.case, self.rows, self.sources)]
 
     # -- its states ---------------------------------------------------------------------------------------------------
 
@@ -288,7 +295,9 @@ class Run:
             figure = (
                 program_curves.steps(self.rows, words)
                 if self.case.program
-                else path_curves.rise(self.rows, words.gauge, self.case.cm, (), path_curves.over_of(self.case))
+                else path_curves.rise(
+                    self.rows, words.gauge, self.case.cm, (), path_curves.over_of(self.case), self.sources
+                )
             )
 
         def png() -> bytes:
@@ -329,11 +338,13 @@ class Run:
         try:
             mesh = results.folder / f"{self.case.name}.msh"
             mesh.write_bytes(self._source.mesh())
-            results.record(mesh=digest(mesh))
+            results.record(mesh=file_digest(mesh))
             write_states(self._source, results)
             if self.branch is not None:
                 self.branch._save_branch(results)
-            gather(self.case, results, self._ended.status, self._ended.message, notes_of(self.case, self.rows))
+            results.write_sources(self._source.others)
+            notes = notes_of(self.case, self.rows, self.sources)
+            gather(self.case, results, self._ended.status, self._ended.message, notes)
             results.own.forget_unwritten()
         finally:
             results.own.leave()

@@ -15,9 +15,11 @@ import numpy.typing as npt
 from measurement.own_files import is_same
 from measurement.read_only import keep_arrays, read_only
 from softmodels.case.case import Case
+from softmodels.case.material_errors import SourceBand
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.restart import Restart
 from softmodels.results.row import Row
+from softmodels.results.sources import read_sources
 from softmodels.results.store import RESTART, Results, ResultsError
 from softmodels.results.stored import States
 from softmodels.results.stored_step import KEPT
@@ -32,7 +34,7 @@ Array = npt.NDArray[np.float64]
 
 VTK_CELLS = {"Triangle_6": 22, "Tetrahedron_10": 24}
 """VTK's number of each kind of cell."""
-PUBLIC = ("displacement", "p", "von_mises_stress", "largest_stretch", "J", "mode")
+PUBLIC = ("displacement", "p", "von_mises", "largest_stretch", "J", "mode")
 """Nodal fields of a state; the mode at a bifurcation alone."""
 
 
@@ -45,6 +47,7 @@ class Source(Protocol):
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
         cells: Node numbers in VTK's order, shape (c, 6 or 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+        others: Rows of the silicone's other sources by name; empty where they were not asked for.
     """
 
     case: Case
@@ -52,6 +55,7 @@ class Source(Protocol):
     points: Array
     cells: npt.NDArray[np.int64]
     cell_name: str
+    others: dict[str, list[Row]]
 
     def fields(self, step: int) -> Mapping[str, Array]:
         """All nodal fields of a state, with what a restart needs where it is kept."""
@@ -81,6 +85,7 @@ class InMemory:
         # The grid is whole on rank 0 alone.
         self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
         self.rows: list[Row] = []
+        self.others: dict[str, list[Row]] = {}
         self._fields: list[dict[str, Array]] = []
         self._restarts: list[Restart] = []
 
@@ -123,6 +128,7 @@ class InFolder:
         self._mesh = (folder if home is None else home) / f"{states.case.name}.msh"
         self.case, self.rows = states.case, states.rows
         self.points, self.cells, self.cell_name = states.points, states.cells, states.cell_name
+        self.others = read_sources(folder) if isinstance(self.case.band, SourceBand) else {}
 
     def branch(self) -> InFolder | None:
         """The states of the branch that leaves the path; None if none was followed."""
@@ -173,7 +179,7 @@ class SolvedState:
         points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
         cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
-        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises_stress``, ``largest_stretch``, ``J`` and, at a
+        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises``, ``largest_stretch``, ``J`` and, at a
             bifurcation, its ``mode``.
     """
 
@@ -207,7 +213,7 @@ class SolvedState:
     @property
     def von_mises(self) -> Array:
         """Von Mises stress in Pa, shape (n,)."""
-        return self.fields["von_mises_stress"]
+        return self.fields["von_mises"]
 
     @property
     def largest_stretch(self) -> Array:
@@ -218,6 +224,16 @@ class SolvedState:
     def J(self) -> Array:
         """Ratio of the silicone's volume to that at rest, shape (n,)."""
         return self.fields["J"]
+
+    @property
+    def p(self) -> Array:
+        """Pressure-like unknown in Pa, shape (n,)."""
+        return self.fields["p"]
+
+    @property
+    def mode(self) -> Array | None:
+        """Mode in which the device leaves its path at a bifurcation, shape (n, 3); None in any other state."""
+        return self.fields.get("mode")
 
     @functools.cached_property
     def grid(self) -> UnstructuredGrid:

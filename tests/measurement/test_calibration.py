@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -11,7 +12,7 @@ from click.testing import CliRunner
 from measurement.__main__ import main
 from measurement.camera.camera import Camera
 from measurement.camera.corners import straightened_corners
-from measurement.screen import calibration
+from measurement.screen import boards, calibration
 from measurement.screen.boards import corner_reach, find_chessboard
 from measurement.synthetic.photographer import Scene, truth_of
 
@@ -86,3 +87,41 @@ def test_command_tells_of_real_boards(tmp_path, shared_data, figure):
     assert f"written to {output}" in done.stdout
     assert "Boards reach 73% of the way" in done.stderr
     assert output.exists()
+
+
+def sheet(square, width=2400, height=1600):
+    """A photograph of a board turned by 12 degrees, soft and noisy."""
+    squares = (np.indices((7, 10)).sum(axis=0) % 2 * 180 + 40).astype(np.uint8)
+    board = np.pad(np.kron(squares, np.ones((40, 40), np.uint8)), 40, constant_values=220)
+    turn = cv2.getRotationMatrix2D((board.shape[1] / 2, board.shape[0] / 2), 12.0, square / 40)
+    turn[:, 2] += np.array([width, height]) / 2 - np.array(board.shape[::-1]) / 2
+    seen = cv2.GaussianBlur(cv2.warpAffine(board, turn, (width, height), borderValue=220), (0, 0), 1.2)
+    noise = np.random.default_rng(0).normal(0.0, 2.0, seen.shape)
+    return np.clip(np.rint(seen + noise), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("square", "sides"), [(140.0, [900]), (20.0, [900, 2400])], ids=["large", "small"])
+def test_boards_are_searched_in_reduced_pictures_first(monkeypatch, square, sides):
+    """And have the corners that the whole picture gives; one too small there is searched in the whole picture."""
+    searched, search = [], cv2.findChessboardCornersSB
+
+    def watched(gray, *args, **options):
+        searched.append(max(gray.shape))
+        return search(gray, *args, **options)
+
+    monkeypatch.setattr(cv2, "findChessboardCornersSB", watched)
+    monkeypatch.setattr(boards, "SEARCHED", (900,))
+    image = sheet(square)
+    found = find_chessboard(image)
+    assert searched == sides
+    monkeypatch.setattr(boards, "SEARCHED", ())
+    assert found.px == pytest.approx(find_chessboard(image).px, abs=0.01)
+
+
+def test_progress_is_counted_for_every_photograph(tmp_path, shared_data):
+    files, steps = sorted(shared_data("chessboards").glob("left*.jpg"))[:4], []
+    calibration.calibrate(files, each=lambda: steps.append(1))
+    assert len(steps) == calibration.STEPS * len(files)
+    words = ["calibrate", *map(str, files), "-o", str(tmp_path / "camera.toml"), "--quiet"]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 0 and done.output == "" and (tmp_path / "camera.toml").is_file()

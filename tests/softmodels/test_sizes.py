@@ -12,7 +12,7 @@ import softmodels
 
 FUNCTION_LINES, PARAMETERS, ENTRIES = 60, 7, 15
 """Most lines of a function, most parameters, and most entries directly in ``softmodels/``."""
-MOST_ANY = 28
+MOST_ANY = 31
 """Most times that ``softmodels/`` says `Any`, imports included: where a library has no types, or wrong ones."""
 PACKAGES = [Path(package.__file__).parent for package in (softmodels, measurement, geometries)]
 

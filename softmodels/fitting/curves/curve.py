@@ -14,6 +14,7 @@ from geometries.kinds import Quantity, Several
 from measurement.arguments import checked
 from measurement.read_only import keep_arrays
 from measurement.units import brief
+from measurement.user_file import read_file
 from measurement.wording import known_are, meant
 from softmodels.fitting.curves.columns import Column, TensileError, in_si, read_table, told_columns
 from softmodels.materials.homogeneous import MODES
@@ -36,6 +37,8 @@ BREAK = 0.5
 """A specimen is torn where the stress falls below this share of the largest."""
 ELONGATED, SLACK = 0.5, 0.3
 """A strain column whose least value is above the first begins where no test does; a stretch column below the second."""
+AT_REST = 0.05
+"""Share of the largest stress below which a specimen is free of stress; none that is pressed to `SLACK` is."""
 PERCENT = 30.0
 """No silicone bears such a strain: a column that reaches it holds percent."""
 
@@ -100,10 +103,6 @@ class TensileCurve:
             )
         if not len(self.stretch):
             raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
-        if self.stretch.min() <= 0.0 or (np.diff(self.stretch) < 0.0).any():
-            raise TensileError(
-                f"{self.name}: its stretches must be above zero (1 at rest) and rise from point to point"
-            )
         keep_arrays(self)
 
     def _column(self, name: str, values: object, kind: Quantity) -> Array:
@@ -123,6 +122,37 @@ class TensileCurve:
         if not np.isfinite(found).all():
             raise TensileError(f"{self.name}: {name} holds a number that is not finite")
         return found
+
+    def check(self) -> TensileCurve:
+        """The curve itself, if it can be one of a silicone in the unit that it claims; every way into a fit asks this.
+
+        Raises:
+            TensileError: Why not.
+        """
+        if len(self.stretch) < LEAST_POINTS:
+            raise TensileError(f"{self.name}: the curve has {len(self.stretch)} points, and {LEAST_POINTS} are needed")
+        low, high = self.stretch.min(), self.stretch.max()
+        if high > PERCENT:
+            raise TensileError(
+                f"{self.name}: a stretch of {high:.4g} is beyond what any silicone can take ({PERCENT:g}); if these are "
+                "percent, divide them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
+            )
+        if low <= 0.0:
+            hint = "; what begins at 0 is a strain: add 1 to it" if low == 0.0 else ""
+            raise TensileError(f"{self.name}: a stretch of {low:.4g} is not above zero{hint}")
+        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * np.abs(self.stress).max():
+            raise TensileError(
+                f"{self.name}: the stretch begins at {low:.4g} without stress, where a stretch begins near 1: these are "
+                "strains; add 1 to them"
+            )
+        if (np.diff(self.stretch) < 0.0).any():
+            raise TensileError(f"{self.name}: the stretch does not rise from row to row; give one loading ramp, sorted")
+        try:
+            _check_rest(self)
+            _check_modulus(self)
+        except TensileError as error:
+            raise TensileError(f"{self.name}: {error}") from None
+        return self
 
     def within(self, low: float, high: float) -> TensileCurve:
         """The part between two stretches.
@@ -163,17 +193,15 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
         stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
         mode = "equibiaxial" if kind == "balloon" else kind
         stretch, stress, remarks = _ramp(stretch, stress)
-        curve = TensileCurve(path.name, mode, stretch, stress, tuple(remarks))
-        _check_rest(curve)
-        _check_modulus(curve)
     except TensileError as error:
         raise TensileError(f"{path}: {error}") from None
-    return curve
+    curve = TensileCurve(str(path), mode, stretch, stress, tuple(remarks)).check()
+    return dataclasses.replace(curve, name=path.name)
 
 
 def _text(path: Path) -> str:
     try:
-        data = path.read_bytes()
+        data = read_file(path)
     except OSError as error:
         raise TensileError(f"the file cannot be read ({error.strerror})") from None
     if b"\0" in data:
@@ -235,12 +263,11 @@ def _check_start(x: Array, y: Array, column: Column, specimen: Specimen) -> None
             f"the specimen's length; take the first length away from it, or give "
             f"--columns extension={place}[{column.unit}],... if the curve does begin there"
         )
-    at_rest = abs(y[np.argmin(values)]) < 0.05 * np.abs(y).max()
+    at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
     if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} without stress, where a stretch begins near 1: it seems to hold "
-            f"strains; rename it to 'strain' or give --columns strain={place},...; if the specimen was pressed that far, give "
-            f"--columns stretch={place},..."
+            f"strains; rename it to 'strain' or give --columns strain={place},..."
         )
 
 

@@ -17,7 +17,8 @@ from softmodels.fitting.believable import Expected, caution, expected, hold_agai
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.contradiction import contradictions
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.curve_residuals import residuals_of
+from softmodels.fitting.curves.curve_residuals import residuals_of, stretches_of
+from softmodels.fitting.curves.fit_curves import Curves, prepared
 from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.fitted_law import FittedLaw
@@ -56,7 +57,7 @@ def fit(
     material: Laws = "yeoh",
     options: FitOptions = DEFAULTS,
     *,
-    curves: Sequence[TensileCurve] = (),
+    curves: Curves = (),
     comm: MPI.Comm | None = None,
 ) -> FitReport:
     """Fit laws to outlines of a device at all pressures, perhaps together with tensile curves.
@@ -66,7 +67,7 @@ def fit(
         outlines: Outlines, or the files or folders that a measurement has written.
         material: A law's name or class, or several of them; ``"all"`` compares all.
         options: How.
-        curves: Tensile curves to fit at the same time (see `softmodels.fitting.curves.fit_curves.prepared`).
+        curves: Tensile curves to fit at the same time, or their files (see `softmodels.fitting.curves.fit_curves.prepared`).
         comm: Processes that solve together; None for all.
 
     Returns:
@@ -88,7 +89,7 @@ def fit(
         MeasuredDevice.of(device).counting_from(options.heights_from),
         law_choices(material, options.poisson),
         options,
-        several("curves", curves, TensileCurve, "a sm.TensileCurve"),
+        tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"))),
     )
     return task.with_outlines(given, comm or start())
 
@@ -208,8 +209,11 @@ class _Task:
     ) -> FittedLaw:
         model = trial.source.model
         choice: LawChoice = model.choice
-        strain = _largest_strain(trial.source, fit)
-        material = model.material(fit.values)
+        stretch = _largest_stretch(trial.source, fit)
+        strain = 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
+        low, high = stretches_of(self.curves) or (1.0, stretch)
+        over = (min(low, 1.0), max(high, stretch))
+        material = dataclasses.replace(model.material(fit.values), fitted_stretch=over)
         judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
         law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement)
         if not (law.sound and self.options.profiles):
@@ -218,11 +222,10 @@ class _Task:
         return dataclasses.replace(law, profiles={name: profile(fit, name, PROFILE_POINTS) for name in wanted})
 
 
-def _largest_strain(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
-    """Largest I1 - 3 of the device in the state of the largest deflection."""
+def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
+    """Largest principal stretch of the device in the state of the largest deflection."""
     from softmodels.results.fields import Fields
 
     state = source.largest_state(fit.values)
     source.model.set_parameters(fit.values)
-    stretch = Fields(source.model.solver).figures(state).max_stretch
-    return 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
+    return float(Fields(source.model.solver).figures(state).max_stretch)
