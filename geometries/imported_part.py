@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
-from geometries.errors import GeometryError
+from geometries.errors import GeometryError, whole_path
 from geometries.fields import choice_field, list_field, text_field
 from geometries.symmetry import reflected
 from measurement.user_file import file_digest
@@ -114,6 +114,7 @@ class ImportedPart(Actuator):
     def check(self) -> None:
         if not self.file:
             raise GeometryError(f"file is empty; name the part's {self.kind}")
+        object.__setattr__(self, "file", whole_path(self.file))
         if not self.support and len(self.planes) < 3:
             raise GeometryError("support is empty; say which faces are held, such as 'x = 0 mm'")
         if len(set(self.planes)) != len(self.planes) or len(self.planes) > 3:

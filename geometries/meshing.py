@@ -22,6 +22,7 @@ from geometries.errors import GeometryError, MeshingError
 from geometries.hushed import hushed
 from geometries.mesh_files import is_whole, load_mesh
 from geometries.mirroring import mirror_mesh
+from measurement.one_at_a_time import LOCK, one_at_a_time
 from measurement.signal_handlers import handlers_kept
 
 if TYPE_CHECKING:
@@ -90,7 +91,14 @@ class MeshSummary:
 @contextlib.contextmanager
 def private_model() -> Iterator[None]:
     """Give a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
-    import gmsh  # type: ignore[import-untyped]
+
+    with LOCK:
+        yield from _fresh_model()
+
+
+def _fresh_model() -> Iterator[None]:
+    """See `private_model`, whose thread has its turn."""
+    import gmsh
 
     ours = not gmsh.isInitialized()
     if ours:
@@ -119,6 +127,7 @@ def private_model() -> Iterator[None]:
             gmsh.option.setString(DRAWN_IN, unit)
 
 
+@one_at_a_time
 def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = bool) -> Path:
     """Mesh a device into a file; see `Actuator.write`, which is the way to call this."""
     if path.suffix != ".msh":

@@ -220,15 +220,25 @@ class Case:
 
     # -- as text ------------------------------------------------------------------------------------------------------
 
-    def to_toml(self) -> str:
-        """Text of a case file that repeats this case exactly."""
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Files that the device and its parts are made from, each once."""
+        named = [self.actuator.files, *(part.files for part in self.parts)]
+        return tuple(dict.fromkeys(file for files in named for file in files.values()))
+
+    def to_toml(self, files: Mapping[str, str] | None = None) -> str:
+        """Text of a case file that repeats this case exactly.
+
+        Args:
+            files: What stands there for some of `files`, such as a copy's path from the case file's folder.
+        """
         import tomli_w
 
         tables: dict[str, dict[str, object]] = {}
         for name, entry in entries().items():
             for table, values in entry.write(getattr(self, name), exact_text).items():
                 tables.setdefault(table, {}).update(values)
-        return tomli_w.dumps({"name": self.name, **tables})
+        return tomli_w.dumps({"name": self.name, **_with_files(tables, files or {})})
 
     @classmethod
     def from_toml(cls, text: str, folder: Path | None = None) -> Case:
@@ -290,6 +300,17 @@ for _name, _entry in entries().items():
         wording.call(_option.replace("_", "-"), _argument)
 
 
+def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[str, object]:
+    """Tables with other names of files."""
+    written: dict[str, object] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            written[key] = _with_files(value, files)
+        else:
+            written[key] = files.get(value, value) if key == "file" and isinstance(value, str) else value
+    return written
+
+
 def _check_tables(tables: Tables) -> None:
     """Refuse unknown tables and entries, and a case without a device or a load."""
     known = list(dict.fromkeys(table for entry in entries().values() for table in entry.tables))
@@ -328,6 +349,7 @@ def _found(tables: Tables, folder: Path | None) -> Tables:
 
     found = {**tables, "geometry": absolute(table_of(tables, "geometry"), True)}
     found |= {name: absolute(tables[name], False) for name in ("material", "band") if name in tables}
-    if isinstance(regions := tables.get("region"), Mapping):
-        found["region"] = {name: absolute(region, False) for name, region in regions.items()}
+    for name in ("region", "contact"):
+        if isinstance(named := tables.get(name), Mapping):
+            found[name] = {key: absolute(value, False) for key, value in named.items()}
     return found

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from geometries.parameters import parameter
 from measurement.arguments import callback, checked, flag, place, several, wrong
 from measurement.arguments import whole as whole_number
+from measurement.one_at_a_time import one_at_a_time
 from softmodels.design.errors import DesignStopped
 from softmodels.design.evaluating import Evaluating
 from softmodels.design.evaluator import evaluator
@@ -35,6 +36,7 @@ TRIED = 8
 
 
 @checked
+@one_at_a_time
 def optimise(
     problem: DesignProblem | str | Path,
     folder: str | Path | None = None,

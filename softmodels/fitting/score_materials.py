@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from measurement.arguments import checked, flag, several, span
+from measurement.one_at_a_time import one_at_a_time
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.fitting.curves.columns import TensileError
@@ -31,6 +32,7 @@ type Outlines = Path | str | Sequence[Outline | Path | str]
 
 
 @checked
+@one_at_a_time
 def score(
     materials: Materials,
     curves: Curves = (),

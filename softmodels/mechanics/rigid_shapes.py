@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
+from geometries.errors import whole_path
 from geometries.fields import choice_field, field_of, length_field, list_field
 from geometries.imported_mesh import UNITS
 from geometries.kinds import Flag, Length, Quantity, Several, Words
@@ -152,6 +153,7 @@ class RigidShape(ContactPart):
     def _check_file(self) -> None:
         if not self.file:
             raise PartError(f"{self.where}: a shape from an STL file needs that file (file = 'hand.stl')")
+        object.__setattr__(self, "file", whole_path(self.file))
         if self.radius or self.length:
             raise PartError(
                 f"{self.where}: the size of an STL file's shape is that of the file; leave out radius and length"

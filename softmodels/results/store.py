@@ -12,7 +12,7 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 FORMAT = 4
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
+INPUTS = "files/"
+"""The folder inside for copies of what a case is made from, such as a part's mesh."""
 RUN, BRANCH = "run", "branch/"
 """What a folder's record calls a run; the folder inside for a branch that leaves its path."""
 
@@ -108,7 +110,19 @@ class Results:
             "summary.json",
             f"{name}.msh",
             f"{name}.steps/",
+            INPUTS,
         ]
+
+    @staticmethod
+    def inputs_of(files: Iterable[str]) -> dict[str, str]:
+        """Where copies of a case's own files lie, from the folder: by the file, each under a name of its own."""
+        names: dict[str, str] = {}
+        for file in files:
+            stem, end, number = Path(file).stem, Path(file).suffix, 1
+            while (name := f"{INPUTS}{stem}{'' if number == 1 else f'-{number}'}{end}") in names.values():
+                number += 1
+            names[file] = name
+        return names
 
     def prepare(self, about: Mapping[str, object]) -> None:
         """Begin new results aside of the earlier ones, which stay until the first step is stored.

@@ -10,6 +10,7 @@ from pathlib import Path
 from geometries import Actuator
 from measurement import wording
 from measurement.arguments import callback, checked, flag, place
+from measurement.one_at_a_time import one_at_a_time
 from measurement.units import WATER_DENSITY
 from measurement.user_file import read_text
 from softmodels.case.case import Case, CaseError
@@ -114,6 +115,7 @@ def inflate(
 
 
 @checked
+@one_at_a_time
 def run(
     case: Case | str | Path,
     *,
@@ -167,6 +169,7 @@ class _Each(Silent):
 
 
 @checked
+@one_at_a_time
 def load(folder: str | Path) -> Run:
     """A run from a folder of results; DOLFINx is needed only where a state is asked for that is not stored.
 
@@ -184,6 +187,7 @@ def load(folder: str | Path) -> Run:
 
 
 @checked
+@one_at_a_time
 def limit(
     device: Actuator,
     material: Material | str,

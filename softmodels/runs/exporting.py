@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from measurement.arguments import checked, place
+from measurement.one_at_a_time import one_at_a_time
 from measurement.user_file import GEOMETRY, read_file
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
@@ -22,6 +23,7 @@ WRITERS = {".inp": (check, calculix), ".feb": (check_without_springs, febio)}
 
 
 @checked
+@one_at_a_time
 def export(case: Case | str | Path, file: str | Path) -> Deck:
     """Write a case for another program: the same mesh, silicones, supports, rigid parts, contact, dead loads and pressures.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -168,14 +169,16 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
     if not case.cycle:
         drop_between(case, results)
         check_values(case, results)
-    text = case.to_toml()
+    there = {file: name for file, name in results.inputs_of(case.files).items() if (folder / name).is_file()}
+    text = case.to_toml(there)
     results.renew(text, {"inputs": dict(wanted), "case_file": _digest(text)})
     return bool(results.stored)
 
 
 def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs: Sequence[Path]) -> None:
     """Prepare a folder aside of the earlier results."""
-    text, folder = case.to_toml(), results.own.path
+    copies = results.inputs_of(case.files)
+    text, folder = case.to_toml(copies), results.own.path
     for name, file in itertools.product(results.own.files, inputs):
         # A case file that lies among its own run's results may repeat it: what is written then is what is there.
         if is_same(folder / name, file) and not (name == "case.toml" and read_text(file) == text):
@@ -185,6 +188,9 @@ def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs:
             )
     _check_unchanged(results)
     results.prepare({"inputs": dict(wanted), "case_file": _digest(text)})
+    for source, copy in copies.items():
+        (results.folder / copy).parent.mkdir(exist_ok=True)
+        shutil.copyfile(source, results.folder / copy)
     write_text(results.folder / "case.toml", text)
 
 

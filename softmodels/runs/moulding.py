@@ -6,6 +6,7 @@ from pathlib import Path
 
 from geometries import Actuator
 from measurement.arguments import checked, place
+from measurement.one_at_a_time import one_at_a_time
 from measurement.result_folder import ResultFolder
 from softmodels.case.case import Case
 from softmodels.design.mould.asked import asked_of
@@ -15,6 +16,7 @@ from softmodels.pictures.mould_sheet import write_sheet
 
 
 @checked
+@one_at_a_time
 def mould(
     device: Actuator | Case | str | Path,
     folder: str | Path | None = None,

@@ -129,7 +129,9 @@ def begin_branch(results: Results, case: Case) -> Results:
     aside = results.branch()
     results.own.claim([BRANCH])
     aside.clear()
-    write_text(aside.folder / "case.toml", case.to_toml())
+    copies = {file: f"../{name}" for file, name in results.inputs_of(case.files).items()}
+    there = {file: name for file, name in copies.items() if (aside.folder / name).is_file()}
+    write_text(aside.folder / "case.toml", case.to_toml(there))
     return aside
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.arguments import checked, place
+from measurement.one_at_a_time import one_at_a_time
 from measurement.units import UnitError, brief, number
 from measurement.user_file import file_digest
 from measurement.wording import Spoken, known_are, spoken, written
@@ -181,6 +182,7 @@ class Run:
     def __len__(self) -> int:
         return len(self.rows)
 
+    @one_at_a_time
     def __getitem__(self, step: int) -> SolvedState:
         count = len(self)
         try:
@@ -199,6 +201,7 @@ class Run:
         return self[-1]
 
     @checked
+    @one_at_a_time
     def at(self, value: str | float) -> SolvedState:
         """The state at a value; of several, as on a cycle, the first of the requested ones.
 
@@ -226,6 +229,7 @@ class Run:
         return dataclasses.replace(self._solved[quantity, wanted])  # with a grid of its own
 
     @checked
+    @one_at_a_time
     def where(self, column: str, value: float) -> SolvedState:
         """The first state at which a figure of the path has a value, such as a plate its height; solved for, as by `at`.
 
@@ -278,6 +282,7 @@ class Run:
 
     # -- pictures and files -------------------------------------------------------------------------------------------
 
+    @one_at_a_time
     def plot(self) -> Figure:
         """The rise of the device's gauge over the pressure, or over the steps of a program, as a matplotlib figure."""
         import matplotlib
@@ -305,6 +310,7 @@ class Run:
         return figure
 
     @checked
+    @one_at_a_time
     def save(self, folder: str | Path) -> Path:
         """Write the folder that the command line writes: ``softmodels draw`` makes its pictures, `softmodels.load` reads it.
 

@@ -369,6 +369,49 @@ assert handlers() == before, (before, handlers())
     assert not script(text)
 
 
+def test_threads_take_turns(tmp_path):
+    """Each call of the door by two threads at a time, begun at once: what each returns alone."""
+    text = f"""
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+disks = [sm.HollowDisk(**COARSE, membrane=thickness) for thickness in (5e-3, 6e-3)]
+law, folder = sm.Yeoh(14e3, 60.0), Path({str(tmp_path)!r})
+stretch = np.linspace(1.1, 2.0, 8)
+curve = sm.TensileCurve("pull", "uniaxial", stretch, 14e3 * (stretch - stretch**-2))
+
+def inflated(k):
+    return sm.inflate(disks[k], law, "0,5 cm")
+
+def stored(k):
+    return sm.inflate(disks[k], law, "0,5 cm", folder=folder / str(k)).apex[-1]
+
+def between(k):
+    return runs[k].at("3 cm").pressure, sm.load(runs[k].save(folder / f"saved{{k}}")).at("4 cm").added_volume
+
+def meshed(k):
+    return disks[k].write(folder / f"{{k}}.msh").stat().st_size
+
+def fitted(k):
+    return sm.fit_curves(curve, "yeoh").material.c1 + sm.score(law, curve)[0].rms
+
+with ThreadPoolExecutor(2) as pool:
+    runs = list(pool.map(inflated, [0, 1]))  # the first to start MPI, PETSc and the compiler
+    for call in (stored, between, meshed, fitted):
+        barrier = threading.Barrier(2)
+        def both(k):
+            barrier.wait()
+            return call(k)
+        together = list(pool.map(both, [0, 1]))
+        assert all(np.allclose(found, call(k), rtol=1e-9) for k, found in enumerate(together)), (call, together)
+alone = [inflated(k) for k in (0, 1)]
+assert all(np.array_equal(one.apex, other.apex) for one, other in zip(runs, alone)) and alone[0].apex[-1] > alone[1].apex[-1]
+"""
+    assert not script(text)
+
+
 def test_sixty_devices_leave_memory_and_communicators_as_they_were():
     text = """
 import gc

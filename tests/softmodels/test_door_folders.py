@@ -200,3 +200,65 @@ if MPI.COMM_WORLD.rank == 0:
     state = run.at("25 cm")
     assert lengths[1] > lengths[0] > 2
     assert found == pytest.approx([run.apex[-1], state.von_mises.max(), state.added_volume, 1.0], rel=1e-6)
+
+
+def block(file):
+    """A block with a round hole, 20 x 10 x 8 mm, as Gmsh's mesh of straight cells."""
+    import gmsh
+
+    from geometries.meshing import private_model
+
+    with private_model():
+        body, hole = gmsh.model.occ.addBox(0, 0, 0, 20, 10, 8), gmsh.model.occ.addCylinder(5, 5, 4, 10, 0, 0, 2.5)
+        gmsh.model.occ.cut([(3, body)], [(3, hole)])
+        gmsh.model.occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 4)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(file))
+
+
+def roof(file):
+    """A tetrahedron whose base lies at its origin, as STL in mm, counter-clockwise from outside."""
+    corners = [(-4, -4, 0), (4, -4, 0), (0, 4, 0), (0, 0, 6)]
+    faces = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+    lines = ["solid roof"]
+    for face in faces:
+        lines += ["facet normal 0 0 0", " outer loop"]
+        lines += [f"  vertex {corners[k][0]} {corners[k][1]} {corners[k][2]}" for k in face]
+        lines += [" endloop", "endfacet"]
+    file.write_text("\n".join([*lines, "endsolid roof", ""]))
+
+
+def test_what_a_folder_needs_lies_in_it(tmp_path, monkeypatch, runs):
+    """Its part and its shapes come along: it is read, solved in and run again without the files that it was made from."""
+    (tmp_path / "bench").mkdir()
+    monkeypatch.chdir(tmp_path / "bench")
+    block(Path("pn.msh"))
+    roof(Path("roof.stl"))
+    part = sm.ImportedMesh(file="pn.msh", cavities=["at 10, 5, 4 mm"], support="x = 0 mm", gauge_point="at 20, 5, 8 mm")
+    above = sm.RigidShape(
+        shape="stl", file="roof.stl", name="roof", faces="outer", at=["10 mm", "5 mm", "8.3 mm"], rounding="1 mm"
+    )
+    asked = {"pressures": "0,2 kPa", "parts": above}
+    into = sm.inflate(part, LAW, **asked, folder="into")
+    monkeypatch.chdir(tmp_path)
+    saved = into.save("saved")
+    shutil.move("bench/into", "moved")
+    shutil.rmtree("bench")
+    for folder in (saved, Path("moved")):
+        monkeypatch.chdir(tmp_path)
+        assert sorted(file.name for file in (folder / "files").iterdir()) == ["pn.msh", "roof.stl"]
+        text = (folder / "case.toml").read_text()
+        assert 'file = "files/pn.msh"' in text and 'file = "files/roof.stl"' in text and "bench" not in text
+        again = sm.load(folder)
+        assert again.rows == into.rows
+        monkeypatch.chdir("/")
+        assert pytest.approx(again.at("0.5 kPa").pressure, rel=1e-9) == 500.0
+        assert sm.load(again.save(tmp_path / "copy")).rows == into.rows
+    monkeypatch.chdir(tmp_path)
+    quietly = ("--quiet", "--no-pictures")
+    for output, more in (("rerun", ()), ("moved", ("--resume",))):
+        done = runs.run("-m", "softmodels", "run", "moved/case.toml", "--output", output, *quietly, *more, cwd=tmp_path)
+        assert (done.status, done.err) == (0, "")
+        assert sm.load(output).rows == into.rows and (tmp_path / output / "files/pn.msh").is_file()
+    assert 'file = "files/pn.msh"' in Path("moved/case.toml").read_text()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from measurement.arguments import callback, checked, one_of, several, span
+from measurement.one_at_a_time import one_at_a_time
 from softmodels.fitting.believable import Expected, expected, hold_against, stretch_of
 from softmodels.fitting.comparison import Comparison, compare
 from softmodels.fitting.curves.columns import TensileError
@@ -60,6 +61,7 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None) -> list
 
 
 @checked
+@one_at_a_time
 def fit_curves(
     curves: Curves,
     material: Laws = "yeoh",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from measurement.arguments import checked, one_of, several, wrong
+from measurement.one_at_a_time import one_at_a_time
 from measurement.outline.outline import Outline
 from measurement.wording import spoken
 from softmodels.case.case import Case
@@ -49,6 +50,7 @@ HEIGHTS_ALONE = (
 
 
 @checked
+@one_at_a_time
 def fit(
     device: Actuator | Case | MeasuredDevice,
     outlines: Sequence[Outline | Path | str] | Path | str,
@@ -93,6 +95,7 @@ def fit(
 
 
 @checked
+@one_at_a_time
 def fit_heights(
     device: Actuator | Case | MeasuredDevice,
     heights: Sequence[Height] | Path | str,
