@@ -24,6 +24,8 @@ from geometries.fields import settle
 from geometries.mirroring import Mirror
 from geometries.parting import Castable
 from geometries.presented import Presented
+from measurement.units import brief
+from measurement.wording import known_are
 
 __all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
 
@@ -101,7 +103,18 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     @classmethod
     def variant(cls, name: str = "default", **changes: Any) -> Actuator:
-        """Return a named variant, with single parameters changed; KeyError for a name not in `variants`."""
+        """Return a named variant, with single parameters changed.
+
+        Args:
+            name: One of `variants`.
+            changes: Fields of the device that replace the variant's.
+
+        Raises:
+            ArgumentError: A field that the device does not have.
+            GeometryError: A name not in `variants`, or parameters that make no device.
+        """
+        if not isinstance(name, str) or name not in cls.variants:
+            raise GeometryError(f"{cls.__name__} has no variant {brief(name)}; {known_are(name, cls.variants)}")
         return cls(**{**cls.variants[name], **changes})
 
     @property

@@ -14,6 +14,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from geometries.errors import GeometryError
+from measurement.user_file import GEOMETRY, read_file
 
 REST = r"(?:[^';]|'[^']*')*;"
 """Up to the end of an instance; semicolons in texts do not count."""
@@ -81,7 +82,7 @@ def surface_colours(path: str | Path) -> list[Colour | None]:
 
 
 def _read(path: str | Path) -> str:
-    return Path(path).read_bytes().decode("latin-1")  # any byte is a letter, so that the copy holds the same bytes
+    return read_file(path, GEOMETRY).decode("latin-1")  # any byte is a letter, so that the copy holds the same bytes
 
 
 def _plain(text: str) -> str:

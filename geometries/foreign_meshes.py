@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,9 +22,14 @@ from geometries.apart import apart
 from geometries.errors import GeometryError, MeshingError
 from geometries.joined import joined
 from geometries.tetrahedra import TO_GMSH, Ints, Tetrahedra
+from measurement.user_file import GEOMETRY, check_file, read_file
 
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
 """Endings of the files that are read, and meshio's names for them."""
+FARTHEST = 1e3
+"""Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
+FLAT = 1e-9
+"""Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
 SAME = 1e-6
 """Corners of an STL file's triangles this near to each other, over its extent, are one."""
 FEATURE = math.radians(40.0)
@@ -58,6 +64,12 @@ def _by_meshio(file: str, format_name: str) -> Any:
     import meshio
 
     try:
+        check_file(file)
+        deck = read_file(file, GEOMETRY).decode("utf-8", errors="replace") if format_name == "abaqus" else ""
+    except OSError as error:
+        raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+    _check_deck(file, deck)
+    try:
         with (
             contextlib.redirect_stdout(io.StringIO()),
             contextlib.redirect_stderr(io.StringIO()),
@@ -71,9 +83,36 @@ def _by_meshio(file: str, format_name: str) -> Any:
     except Exception as error:  # meshio raises what its readers happen to meet
         words = " ".join(str(error).split())[:200] or "no reason given"
         raise GeometryError(f"file {file} is not a mesh as its ending says ({words})") from None
+    if len(found.points) > Path(file).stat().st_size:  # a count in its header that no numbers follow
+        raise GeometryError(f"file {file} is not a mesh as its ending says (it announces more nodes than it has bytes)")
     if not len(found.points) or not np.isfinite(found.points).all() or np.shape(found.points)[1] != 3:
         raise GeometryError(f"file {file} has no nodes in three dimensions")
     return found
+
+
+def _check_deck(file: str, text: str) -> None:
+    """Refuse a deck that has meshio open other files, or count to numbers that no deck has; it runs nothing else."""
+    ranges = False
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("**"):
+            continue
+        # Meshio's own way to find a keyword, which needs no asterisk.
+        keyword = line.partition(",")[0].strip().replace("*", "").upper()
+        named = line.startswith("*") and re.search(r",\s*INPUT\s*=", line, re.IGNORECASE)
+        if keyword == "INCLUDE" or named:
+            raise GeometryError(
+                f"file {file} takes lines from another file (line {number}: {line.strip()[:80]!r}), and no other file is "
+                "opened for a mesh; write nodes and elements into one file, or paste the other file's lines in there"
+            )
+        if line.startswith("*"):
+            ranges = "GENERATE" in line.upper()
+        elif ranges and keyword:
+            first, last, *_ = [*re.findall(r"-?\d+", line), "0", "0"]
+            if len(last) > 18 or int(last) - int(first) > len(text):
+                raise GeometryError(
+                    f"file {file} is not a mesh as its ending says (line {number} has a set of {line.strip()[:80]!r}, more "
+                    "than the file has letters)"
+                )
 
 
 def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
@@ -161,8 +200,21 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], In
     triangles = [np.asarray(block.data, dtype=np.int64) for block in found.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
-    points, triangles_of_all = _joined(unit * np.asarray(found.points, dtype=float), np.concatenate(triangles))
+    places = unit * np.asarray(found.points, dtype=float)
+    extent = float(np.abs(places).max()) if np.isfinite(places).all() else math.inf
+    if extent > FARTHEST:
+        raise GeometryError(
+            f"file {file} has a corner {extent:.4g} m from its origin, and {FARTHEST:g} m are taken; check its unit, or repair "
+            "it in the program that wrote it"
+        )
+    points, triangles_of_all = _joined(places, np.concatenate(triangles))
     _check_closed(file, points, triangles_of_all)
+    a, b, c = np.moveaxis(points[triangles_of_all], 1, 0)
+    if (
+        not abs(np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0])))
+        > FLAT * np.ptp(points, axis=0).max() ** 3
+    ):
+        raise GeometryError(f"file {file} encloses no volume; repair it in the program that wrote it")
     return points, triangles_of_all
 
 

@@ -6,7 +6,6 @@ import abc
 import dataclasses
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -16,6 +15,7 @@ from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.errors import GeometryError
 from geometries.fields import choice_field, list_field, text_field
 from geometries.symmetry import reflected
+from measurement.user_file import file_digest
 
 BONDED = "bonded"
 """Role of the faces that a sheet can be bonded to."""
@@ -142,7 +142,7 @@ class ImportedPart(Actuator):
             GeometryError: It cannot be read.
         """
         try:
-            return hashlib.sha256(Path(self.file).read_bytes()).hexdigest()
+            return file_digest(self.file)
         except OSError as error:
             raise GeometryError(f"file {self.file} cannot be read ({error.strerror})") from None
         except ValueError:  # a zero byte in its name

@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 from geometries.errors import MeshFileError
+from measurement.user_file import GEOMETRY, read_file
 
 START = re.compile(rb"\$MeshFormat\r?\n4\.1 0 8\r?\n\$EndMeshFormat\r?\n")
 """How a mesh file begins: MSH 4.1, text."""
@@ -50,7 +51,7 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not a file")
-    _check(path, path.read_bytes())
+    _check(path, read_file(path, GEOMETRY))
     with tempfile.TemporaryDirectory() as folder:
         alone = Path(folder) / "alone.msh"  # nothing of Gmsh's beside it
         alone.symlink_to(path.resolve())

@@ -57,7 +57,7 @@ class FolderLock:
         """
         until = time.monotonic() + wait
         while not self.held:
-            handle = os.open(self.file, os.O_RDWR | os.O_CREAT, 0o666)
+            handle = self._open()
             try:
                 if self._is_mine(handle):
                     self._handle = handle
@@ -71,6 +71,17 @@ class FolderLock:
             if time.monotonic() >= until:
                 raise InUseError(self._refusal(holder))
             time.sleep(POLL)
+
+    def _open(self) -> int:
+        try:
+            # Through a link in a folder from elsewhere, any file of the user's would be emptied.
+            return os.open(self.file, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+        except OSError as error:
+            if self.file.is_symlink():
+                raise OSError(
+                    error.errno, f"its lock {self.file.name} is a link; remove that", str(self.file)
+                ) from None
+            raise
 
     def release(self) -> None:
         """Give the lock back and take its file away; nothing happens if it is not held."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from measurement.own_files import HIDDEN, is_inside, remove_steps, replace_text, version
+from measurement.user_file import read_text
 
 RECORD = f"{HIDDEN}.json"
 FORMAT = 1
@@ -46,7 +47,7 @@ class Record:
     def read(cls, path: Path) -> Record | None:
         """That of a file; None where there is none, or none that can be understood."""
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = json.loads(read_text(path))
         except (OSError, ValueError, RecursionError):
             return None
         kinds = {"files": list, "about": dict, "inside": dict, "incoming": dict, "incoming_about": dict, "format": int}

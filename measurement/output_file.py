@@ -8,6 +8,7 @@ from pathlib import Path
 
 from measurement.own_files import is_same
 from measurement.own_folder import OwnFolderError
+from measurement.user_file import check_file, read_text
 
 MARK = "softmodels"
 """What the header of a drawn PNG names as its software."""
@@ -47,7 +48,7 @@ def has_table(name: str) -> Callable[[Path], bool]:
 
     def test(path: Path) -> bool:
         try:
-            return name in tomllib.loads(path.read_text(encoding="utf-8"))
+            return name in tomllib.loads(read_text(path))
         except (OSError, ValueError, RecursionError):
             return False
 
@@ -59,6 +60,7 @@ def is_drawn(path: Path) -> bool:
     from PIL import Image
 
     try:
+        check_file(path)
         with Image.open(path) as image:
             return str(image.info.get("Software", "")).startswith(MARK)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):

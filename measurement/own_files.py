@@ -41,6 +41,7 @@ def replaced_whole(path: Path, aside: Path | None = None) -> Iterator[Path]:
     """
     aside = path.with_name(f".{os.getpid()}-{path.name}") if aside is None else aside
     try:
+        aside.unlink(missing_ok=True)  # a link there, in a folder from elsewhere, would be written through
         yield aside
         aside.replace(path)
     finally:

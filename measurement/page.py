@@ -13,6 +13,8 @@ from pathlib import Path
 from jinja2 import BaseLoader, ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from measurement.user_file import read_file
+
 
 def render(template: str, package: str = "measurement", **values: object) -> str:
     """A page from a template.
@@ -51,4 +53,4 @@ def data_uri(data: bytes, kind: str) -> str:
 
 def image_uri(file: Path) -> str:
     """The same of a picture's file, PNG, GIF or WebP."""
-    return data_uri(file.read_bytes(), f"image/{file.suffix[1:]}")
+    return data_uri(read_file(file), f"image/{file.suffix[1:]}")

@@ -12,6 +12,7 @@ from measurement.default_folder import take_default
 from measurement.folder_lock import InUseError
 from measurement.own_folder import OwnFolder, OwnFolderError
 from measurement.reasons import reason
+from measurement.user_file import file_digest
 
 NO_INPUT = ("output", "quiet", "no_pictures", "jobs")
 """Options that change nothing in a command's numbers."""
@@ -82,7 +83,6 @@ def fingerprint(path: Path) -> str:
         if path.is_dir():
             parts = [f"{file.name} {fingerprint(file)}" for file in sorted(path.glob("*.csv"))]
             return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return file_digest(path)
     except OSError:
         return "missing"

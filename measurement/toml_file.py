@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from measurement.reasons import reason
 from measurement.units import UnitError, brief, number
+from measurement.user_file import read_text
 
 LARGEST = 2_000_000
 """Bytes: a setup with a thousand crossings of its grid has a hundred thousand."""
@@ -34,16 +35,12 @@ def read_toml(path: Path) -> dict[str, Any]:
         TomlError: It cannot be read, is no text, no TOML or larger than any file of ours.
     """
     try:
-        with Path(path).open("rb") as file:
-            data = file.read(LARGEST + 1)
-    except (OSError, ValueError) as error:  # a name with a zero byte in it is a ValueError
-        raise TomlError(f"cannot be read ({reason(error)})") from None
-    if len(data) > LARGEST:
-        raise TomlError(f"is larger than {LARGEST / 1e6:g} MB, which no file of settings is")
-    try:
-        return parse_toml(data.decode("utf-8-sig"))
+        text = read_text(path, LARGEST)
     except UnicodeDecodeError:
         raise TomlError("cannot be read (it is no text in UTF-8; save it in that encoding)") from None
+    except (OSError, ValueError) as error:  # a name with a zero byte in it is a ValueError
+        raise TomlError(f"cannot be read ({reason(error)})") from None
+    return parse_toml(text)
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from PIL import ExifTags
 from measurement.camera.camera import Camera, CameraError, Points, beyond_projection, frame_points
 from measurement.camera.picture_file import PictureError, opened
 from measurement.reasons import reason
+from measurement.user_file import read_text
 
 if TYPE_CHECKING:
     import lensfunpy
@@ -179,7 +180,7 @@ def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tu
 
 def _database_file(path: Path) -> lensfunpy.Database:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise CameraError(f"the lens profile {path} cannot be read: {reason(error)}") from None
     lensfunpy = _lensfun()

@@ -21,6 +21,7 @@ from PIL import Image, ImageCms, UnidentifiedImageError
 
 from measurement.camera.picture_kinds import READABLE, foreign_kind
 from measurement.reasons import reason
+from measurement.user_file import check_file
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -73,12 +74,11 @@ def opened(path: Path) -> Iterator[Image.Image]:
     Raises:
         PictureError: No file, no picture, or one of a kind that cannot be read.
     """
-    if not path.exists():
-        raise PictureError("there is no such file")
-    if not path.is_file():
-        raise PictureError("it is no file but a folder or a device")
     try:
+        check_file(path)
         foreign = foreign_kind(path)
+    except FileNotFoundError:
+        raise PictureError("there is no such file") from None
     except OSError as error:
         raise PictureError(f"the file cannot be read: {reason(error)}") from None
     if foreign is not None:

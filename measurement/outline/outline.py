@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from measurement.reasons import reason
 from measurement.units import UnitError, brief, number
+from measurement.user_file import read_text
 
 Array = npt.NDArray[np.float64]
 
@@ -158,7 +159,7 @@ class Outline:
         """
         path = Path(path)
         try:
-            lines = path.read_text(encoding="utf-8-sig").splitlines()
+            lines = read_text(path).splitlines()
         except (OSError, UnicodeDecodeError) as error:
             raise OutlineError(f"{path} cannot be read: {reason(error)}") from None
         notes: dict[str, str] = {}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import concurrent.futures
 import contextlib
 import dataclasses
-import hashlib
 import multiprocessing
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,6 +21,7 @@ from measurement.screen.setup import Setup
 from measurement.series import copies, witness
 from measurement.series.photo import Refusal, find_zero, outline_of
 from measurement.series.photo_list import Photograph
+from measurement.user_file import file_digest
 
 MOST_ASKED = 4
 """Photographs that are asked for the tone where the zero plane's does not tell it."""
@@ -195,8 +195,7 @@ def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
     alike: dict[str, list[Photograph]] = {}
     for photo in photographs:
         try:
-            with photo.file.open("rb") as file:
-                alike.setdefault(hashlib.file_digest(file, "sha256").hexdigest(), []).append(photo)
+            alike.setdefault(file_digest(photo.file), []).append(photo)
         except (OSError, ValueError):
             continue  # a file that cannot be read is refused with its own reason
     found: dict[Path, str] = {}

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from measurement.reasons import reason
 from measurement.series.column import Column, ColumnError
+from measurement.user_file import read_file
 
 KNOWN = ("file", "pressure", "left", "right", "error")
 PICTURES = (
@@ -97,7 +98,7 @@ def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
 def _text(path: Path) -> str:
     """The list's text: UTF-8, or the UTF-16 that spreadsheets call Unicode text."""
     try:
-        data = path.read_bytes()
+        data = read_file(path)
     except OSError as error:
         raise PhotoListError(f"the list of photographs {path} cannot be read: {reason(error)}") from None
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))

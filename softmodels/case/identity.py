@@ -7,10 +7,9 @@ cannot be forgotten. Files count by their content, wherever they lie.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
+from measurement.user_file import file_digest
 from softmodels.case.case import Case
 from softmodels.mechanics.parts import Part
 
@@ -28,14 +27,8 @@ def identity(case: Case) -> dict[str, str]:
     """
     texts = {name: text for name, text in _texts("", case) if name not in ALIKE}
     for name, path in case.actuator.files.items():
-        texts[f"actuator.{name}"] = f"SHA-256 {digest(path)}"
+        texts[f"actuator.{name}"] = f"SHA-256 {file_digest(path)}"
     return texts
-
-
-def digest(path: Path | str) -> str:
-    """SHA-256 of a file's content."""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
@@ -54,6 +47,8 @@ def _texts(name: str, value: object) -> Iterator[tuple[str, str]]:
     if name:
         yield name, type(value).__name__
     for field in dataclasses.fields(value):
+        if not field.compare:
+            continue
         yield from _texts(f"{name}.{field.name}" if name else field.name, getattr(value, field.name))
 
 
@@ -65,5 +60,5 @@ def _text(value: object) -> str:
     text = repr(value)
     if isinstance(value, Part):
         for path in value.files.values():
-            text = text.replace(repr(path), f"SHA-256 {digest(path)}")
+            text = text.replace(repr(path), f"SHA-256 {file_digest(path)}")
     return text

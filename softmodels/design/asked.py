@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
+from measurement.arguments import checked
 from measurement.units import UnitError, brief, number_and_unit, quantity
+from measurement.wording import known_are
 from softmodels.case.case import Case
 from softmodels.design.errors import DesignError
-from softmodels.design.free import closest
 from softmodels.design.loads import PRESSURE, VOLUME, Load
 from softmodels.design.quantities.base import Quantity
 from softmodels.design.units import factor, read, shown_unit, text
@@ -35,6 +36,7 @@ class Term:
     weight: float
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Keep:
     """A limit that a design has to keep.
@@ -121,7 +123,7 @@ class Reader:
         for key in entry:
             if key not in ("quantity", *fields, *more):
                 names = [name for name in fields if name != "at" or _at_pressure(kind)]
-                raise DesignError(f"{where} has an unknown entry {key!r}; {closest(str(key), [*names, *more])}")
+                raise DesignError(f"{where} has an unknown entry {key!r}; {known_are(key, [*names, *more])}")
         given = {key: self._given(key, value) for key, value in entry.items() if key in fields and key != "at"}
         if "cm" in fields:  # of the column that a quantity's own file may count in
             given.setdefault("cm", self.case.cm)
@@ -139,9 +141,9 @@ class Reader:
 
     def _kind(self, name: object, where: str) -> type[Asked]:
         if name is None:
-            raise DesignError(f"{where} names no quantity; {closest('', self.registry)}")
+            raise DesignError(f"{where} names no quantity; {known_are('', self.registry)}")
         if not isinstance(name, str) or name not in self.registry:
-            raise DesignError(f"{where}: quantity {brief(name)} is unknown; {closest(str(name), self.registry)}")
+            raise DesignError(f"{where}: quantity {brief(name)} is unknown; {known_are(name, self.registry)}")
         return self.registry[name]
 
     def _given(self, key: str, value: object) -> object:
@@ -164,7 +166,7 @@ class Reader:
             known = [*device.probes, *device.device_figures(device.probes)]
             if of not in known:
                 raise DesignError(
-                    f"{where}: this {type(device).__name__} has no probe or figure {of!r}; {closest(of, known)}"
+                    f"{where}: this {type(device).__name__} has no probe or figure {of!r}; {known_are(of, known)}"
                 )
         if getattr(type(asked), "of_state", False) and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs the pressure it is taken at (at)")

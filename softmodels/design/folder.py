@@ -11,9 +11,10 @@ from pathlib import Path
 from geometries import GeometryError
 from measurement.default_folder import take_default
 from measurement.folder_lock import InUseError
-from measurement.own_files import replace_text
+from measurement.own_files import replace_text, replaced_whole
 from measurement.own_folder import OwnFolder, OwnFolderError
 from measurement.reasons import reason
+from measurement.user_file import read_text
 from softmodels.design.asked import in_words, label, shown, shown_factor
 from softmodels.design.cases import case_of, case_text
 from softmodels.design.errors import DesignError
@@ -100,7 +101,7 @@ class DesignFolder:
             if not file.is_file():
                 break
             try:
-                self.trials.append(Trial.from_json(file.read_text(encoding="utf-8")))
+                self.trials.append(Trial.from_json(read_text(file)))
             except (OSError, ValueError):
                 raise DesignError(f"{file} cannot be read as a design; run without --resume") from None
         return bool(self.trials)
@@ -151,9 +152,8 @@ class DesignFolder:
             if isinstance(content, str):
                 replace_text(self.path / name, content)
             else:
-                aside = self.path / f"{name}.part"
-                aside.write_bytes(content)
-                aside.replace(self.path / name)
+                with replaced_whole(self.path / name, self.path / f"{name}.part") as aside:
+                    aside.write_bytes(content)
 
     def leave(self) -> None:
         """Let go of it."""

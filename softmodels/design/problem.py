@@ -6,8 +6,10 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from measurement.arguments import checked, place
 from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import brief
+from measurement.wording import known_are
 from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS
 from softmodels.case.material_errors import MaterialErrors
@@ -23,7 +25,7 @@ from softmodels.design.asked import (
     in_words,
 )
 from softmodels.design.errors import DesignError
-from softmodels.design.free import Free, closest, crossed_corners, free_parameters
+from softmodels.design.free import Free, crossed_corners, free_parameters
 from softmodels.design.quantities.base import Quantity
 from softmodels.design.quantities.gaps import LeastGap
 from softmodels.design.tolerances import tolerances_of
@@ -38,6 +40,7 @@ ROOM = 1.15
 """How far above the limit pressure that is asked for a limit point is looked for: where it lies farther, it is no limit."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True, eq=False)
 class DesignProblem:
     """A design problem. Numbers are in SI units, texts carry a unit.
@@ -87,21 +90,26 @@ class DesignProblem:
             raise DesignError(str(error)) from None
 
     def _settle(self) -> None:
+        if not isinstance(self.name, str):
+            raise DesignError(f"name is {brief(self.name)}; it must be a text that can name files")
+        if self.folder is not None:
+            object.__setattr__(self, "folder", place("folder", self.folder, "a folder"))
         case = self.case
         if not isinstance(case, Case):
-            place = _place(case, self.folder)
-            case = Case.from_file(place)
-            object.__setattr__(self, "written", read_toml(place))
+            file = _place(case, self.folder)
+            case = Case.from_file(file)
+            object.__setattr__(self, "written", read_toml(file))
         _check_load(case)
         reader = Reader(case, _registry(), self.bare, self.folder)
         free = free_parameters(case.actuator, _table(self.parameters, "parameters"), self.bare)
         objective, terms = self._objective(reader)
         errors = _errors(self.material_errors, case, self.folder)
         limits = [keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")]
+        deviations = {} if self.tolerances is None else self.tolerances
         settled: dict[str, object] = {
             "case": case, "free": free, "objective": objective, "terms": terms,
             "limits": (*limits, *_walls_apart(case, terms, limits)),
-            "spreads": tolerances_of(case.actuator, _table(self.tolerances or {}, "tolerances"), self.bare),
+            "spreads": tolerances_of(case.actuator, _table(deviations, "tolerances"), self.bare),
             "errors": errors, "name": self.name or case.name,
             "notes": tuple(filter(None, [crossed_corners(case.actuator, free)])),
         }  # fmt: skip
@@ -206,7 +214,7 @@ class DesignProblem:
     def _from_tables(cls, tables: dict[str, object], folder: Path | None) -> DesignProblem:
         for key in tables:
             if key not in TABLES:
-                raise DesignError(f"the problem has an unknown entry {key!r}; {closest(key, TABLES)}")
+                raise DesignError(f"the problem has an unknown entry {key!r}; {known_are(key, TABLES)}")
         if "case" not in tables:
             raise DesignError('the problem has no case; give a case file, case = "slab.toml", or a [case] table')
         values = {key: value for key, value in tables.items() if key != "case"}
@@ -241,6 +249,8 @@ def _table(value: object, what: str) -> Mapping[str, object]:
 def _list(value: object) -> Sequence[object]:
     if isinstance(value, list | tuple):
         return value
+    if isinstance(value, Keep):
+        return [value]
     raise DesignError(f"{brief(value)} is no list; each limit begins with a line [[keep]]")
 
 
@@ -279,7 +289,11 @@ def _check_load(case: Case) -> None:
 
 def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
     if isinstance(entry, Keep):
-        found = [dataclasses.replace(entry, quantity=one) for one in reader.quantities(entry.quantity, where)]
+        sides = {side: getattr(entry, side) for side in LIMITS}
+        found = [
+            Keep(one, *(reader.limit(sides, side, one, where) for side in LIMITS))
+            for one in reader.quantities(entry.quantity, where)
+        ]
     else:
         table = _table(entry, where)
         found = [
@@ -302,7 +316,7 @@ def _walls_apart(case: Case, terms: Sequence[Term], limits: Sequence[Keep]) -> l
     ):
         return []
     asked = [one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "parts", (whole,))]
-    loads = sorted({one.load for one in asked if getattr(one, "load", None) is not None})
+    loads = sorted({one.load for one in asked if isinstance(one, Quantity) and one.load is not None})
     return [Keep(LeastGap(at=load), at_least=0.0) for load in loads]
 
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from measurement.reasons import reason
 from measurement.units import UnitError, number, quantity
+from measurement.user_file import read_text
 
 Array = npt.NDArray[np.float64]
 Row = tuple[float, float, float, float]
@@ -60,7 +61,7 @@ def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...]
 
 def _rows(file: Path) -> list[dict[str, str]]:
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        text = read_text(file)
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"{file} cannot be read: {reason(error)}") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from measurement.user_file import read_text
 from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.tables import material_toml
@@ -55,5 +56,5 @@ def retire(folder: Path, replaced: set[str] = frozenset()) -> None:  # type: ign
 def _of_a_fit(path: Path) -> bool:
     """Whether a file is one that `write_materials` has written; a user's own stays."""
     with contextlib.suppress(OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        return {"material", "fit"} <= set(tomllib.loads(path.read_text(encoding="utf-8")))
+        return {"material", "fit"} <= set(tomllib.loads(read_text(path)))
     return False

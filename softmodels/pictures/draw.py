@@ -145,7 +145,8 @@ def _curves(states: States, out: DrawnFolder) -> None:
         out.save(actuator.gauge, program_curves.steps(states.rows, states.words))
     else:
         over = path_curves.over_of(states.case)
-        out.save(actuator.gauge, path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over))
+        figure = path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over, states.sources)
+        out.save(actuator.gauge, figure)
     if states.case.gauges.plane:
         out.save("profile", _cut_profile(states))
         return

@@ -14,6 +14,7 @@ import click
 import matplotlib
 
 from measurement.page import image_uri, render
+from measurement.user_file import read_text
 from softmodels.case.case import Case, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.pictures import design_curves, design_shapes
@@ -37,7 +38,7 @@ def draw(folder: Path) -> list[Path]:
         OSError: The folder cannot be written.
     """
     try:
-        told = json.loads((folder / "design.json").read_text(encoding="utf-8"))
+        told = json.loads(read_text(folder / "design.json"))
     except (OSError, ValueError):
         raise ResultsError(f"{folder} holds no design (design.json)") from None
     before, after = (_states(folder / name) for name in ("before", "after"))
@@ -57,7 +58,7 @@ def draw(folder: Path) -> list[Path]:
     ]
     page = render(
         "design.html", "softmodels.pictures", title=told["name"], told=told, pictures=pictures, rows=rows,
-        case=(folder / "design.toml").read_text(encoding="utf-8"),
+        case=read_text(folder / "design.toml"),
     )  # fmt: skip
     write_text(folder / REPORT, page)
     return [*out.written, folder / REPORT]

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image as Picture
 
 from measurement.page import data_uri, image_uri, render
+from measurement.user_file import check_file, read_text
 from softmodels.pictures import path_curves, program_curves
 from softmodels.pictures.report_case import case_tables
 from softmodels.pictures.style import STYLE, load
@@ -66,7 +67,7 @@ class Report:
         self._values: dict[str, object] = {
             "title": name,
             "ending": ending(states, told),
-            "warnings": told["notes"] if "notes" in told else notes_of(states.case, states.rows),
+            "warnings": told["notes"] if "notes" in told else notes_of(states.case, states.rows, states.sources),
             "view": view(look),
             "curves": _curves(states),
             "contact": _contact(states),
@@ -97,7 +98,7 @@ class Report:
 def summary(folder: Path) -> dict[str, object]:
     """What ``summary.json`` tells of how the run ended; nothing if it has not ended by itself."""
     try:
-        found = json.loads((folder / "summary.json").read_text())
+        found = json.loads(read_text(folder / "summary.json"))
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
@@ -133,7 +134,7 @@ def _curves(states: States) -> list[Markup]:
         if states.case.program:
             return [_svg(program_curves.steps(rows, words))]
         over = path_curves.over_of(states.case)
-        return [_svg(figure) for figure in path_curves.curves(rows, words, states.branch, over)]
+        return [_svg(figure) for figure in path_curves.curves(rows, words, states.branch, over, states.sources)]
 
 
 def _svg(figure: Figure) -> Markup:
@@ -182,6 +183,7 @@ def _source(path: Path) -> str:
     """A picture's file as the page holds it."""
     if path.suffix == ".webp":
         return image_uri(path)
+    check_file(path)
     with Picture.open(path) as image:
         return shrunk(image)
 

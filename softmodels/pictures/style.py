@@ -24,6 +24,8 @@ CHARACTER = 0.62
 """Width of a character, in sizes of the font: a little more than the mean of the fonts' letters and digits."""
 
 LINES = "viridis"
+SPAN = "#e4e7eb"
+"""Of what several laws span behind a curve."""
 SOLID = "#d9e2ec"
 STYLE: Any = {  # versions of matplotlib differ in the type of their parameters' names
     "font.size": 12,

@@ -21,7 +21,7 @@ from softmodels.results.forces import MEASURES
 from softmodels.results.output_fields import FIELDS, Extreme, OutputField
 from softmodels.results.row import Cell, Row
 from softmodels.results.self_contact import OVERLAP
-from softmodels.results.terms import Term, described, split
+from softmodels.results.terms import Term, at_rise, described, split
 
 
 def row_of(solved: Solved) -> Row:
@@ -153,6 +153,9 @@ def _named_term(column: str, device: Actuator | None) -> Term | None:
     if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
         text = "of a named point its place in this state, of a rigid part how far its centre has moved"
         return described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
+    if unit == "mm" and name.endswith("_off"):
+        text = "how far from where that point was named the place on the surface lies that is followed, undeformed"
+        return described(column, (f"{name.removesuffix('_off').replace('_', ' ')}, off the surface", text))
     if unit == "°":
         return described(
             column, (name.replace("_", " "), "named angle: by how much its line has turned, or between its two lines")
@@ -164,6 +167,9 @@ def _band_term(column: str, device: Actuator | None) -> Term | None:
     name, unit = split(column)
     if not name.endswith("_95") or not unit:
         return None
+    if device is not None and column == at_rise(device.gauge):
+        text = f"half the 95 % interval that the material's errors make, at the same rise of the {device.gauge}"
+        return described(column, ("band of the pressure at equal rise", text))
     whole = term(f"{name.removesuffix('_95')}{column.removeprefix(name)}", device)
     kept = "at the same added volume" if name == "pressure_95" else "at the same requested value"
     return described(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import h5py
 
+from softmodels.results.reading import opened
 from softmodels.results.stored_step import KEPT, RESTART, StoredStep
 from softmodels.results.vtkhdf import HERE, Shapes, link_vtkhdf, write_vtkhdf
 from softmodels.results.writing import replace, replace_hdf5
@@ -54,11 +55,11 @@ def write_gathered(
         gathered: Where they will be.
     """
     with h5py.File(path, "w") as file:
-        with h5py.File(heavy) as old:
+        with opened(heavy) as old:
             old.copy("mesh", file)
             file.attrs["format"] = old.attrs.get("format", 0)
         for number, (step, place) in enumerate(zip(stored, gathered, strict=True)):
-            with h5py.File(heavy.parent / step.file) as source:
+            with opened(heavy.parent / step.file) as source:
                 group = file.create_group(place.group)
                 part = source[step.group] if step.group else source
                 kept = number >= len(stored) - KEPT

@@ -69,7 +69,7 @@ class Fields:
     @property
     def followed(self) -> list[str]:
         """Where the named points are followed: a sentence on each."""
-        return [followed_text(name, one.place, one.away) for name, one in self._followed.items()]
+        return [followed_text(name, one.away, one.place) for name, one in self._followed.items()]
 
     def values(self, state: State) -> StateValues:
         """A state's values; the state is loaded into the equations."""

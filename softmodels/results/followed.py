@@ -86,8 +86,8 @@ class TurningFace:
         )
         count = len(self._images)
         area, rest, there, both = count * sums[0], sums[1:4], sums[4:7], sums[7:].reshape(3, 3)
-        rest, there = (sum(image @ side for image in self._images) for side in (rest, there))
-        both = sum(image @ both @ image.T for image in self._images)
+        rest, there = (np.sum([image @ side for image in self._images], axis=0) for side in (rest, there))
+        both = np.sum([image @ both @ image.T for image in self._images], axis=0)
         return float(area), there / area, both / area - np.outer(rest, there) / area**2
 
     def turned(self, moved: Array) -> Array:

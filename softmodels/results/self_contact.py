@@ -227,8 +227,8 @@ class Walls:
         facet, point = (grid.ravel() for grid in np.meshgrid(nodes, np.arange(len(self._lattice)), indexing="ij"))
         place, tangents = _patch(at[self.facets[facet]], self._lattice[point])
         beyond = place @ plane
-        faces = (self._normal(tangents, facet) @ plane > -OPPOSED) & (beyond > -reach / 2)
-        faces &= beyond < reach / 2
+        # In front of the plane a place has to face it; behind it there is no other way to be.
+        faces = ((self._normal(tangents, facet) @ plane > -OPPOSED) & (beyond > -reach / 2)) | (beyond > 0.0)
         facet, point, beyond = facet[faces], point[faces], beyond[faces]
         normals = np.tile(-plane, (len(facet), 1))
         return -2.0 * beyond, facet, point, np.full(len(facet), -1 - number), np.zeros((len(facet), k)), normals

@@ -14,7 +14,7 @@ from softmodels.results.columns import cavity_columns, load_columns, loads_words
 from softmodels.results.row import Row
 
 PRESSURE_AND_VOLUME = ("pressure_Pa", "added_volume_ml")
-OF_PRESSURE = re.compile(r"pressure(_\d+|_95)*_(cm|Pa)")
+OF_PRESSURE = re.compile(r"pressure(_\d+|_95|_at_\w+_95)*_(cm|Pa)")
 OF_VOLUME = re.compile(r"added_volume(_\d+|_95)*_ml")
 
 

@@ -22,8 +22,13 @@ import numpy.typing as npt
 from measurement.own_files import remove_steps
 from measurement.own_folder import PATIENCE, OwnFolder
 from measurement.wording import Spoken
+from softmodels.case.case import Case
+from softmodels.case.material_errors import SourceBand
 from softmodels.results.picture_files import picture_folder
+from softmodels.results.reading import inside, opened, read_values
 from softmodels.results.row import Row
+from softmodels.results.sources import FILE as SOURCES
+from softmodels.results.sources import SourceRows, in_order, read_sources, write_sources
 from softmodels.results.stored_step import RESTART, ROW, StoredStep, read_step, shapes_of
 from softmodels.results.writing import hdf5_reason, replace, replace_hdf5, write_text
 
@@ -81,6 +86,16 @@ class Results:
         """Results of the branch that leaves this path, in a folder of their own; there may be none."""
         return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch")
 
+    def write_sources(self, sources: SourceRows) -> None:
+        """Write the paths of the silicone's other sources beside the run's own; none where there are none."""
+        if sources:
+            self.own.claim([SOURCES])
+            write_sources(self.folder, sources)
+
+    def sources(self, case: Case) -> dict[str, Sequence[Row]]:
+        """Rows of each source of the silicone, the run's own among them; empty where no others were solved."""
+        return in_order(case, self.rows, read_sources(self.folder) if isinstance(case.band, SourceBand) else {})
+
     @property
     def files(self) -> list[str]:
         """Names of what a run writes, pictures aside."""
@@ -91,6 +106,7 @@ class Results:
             f"{name}.xdmf",
             f"{name}.vtkhdf",
             "path.csv",
+            SOURCES,
             "summary.json",
             f"{name}.msh",
             f"{name}.steps/",
@@ -163,10 +179,8 @@ class Results:
         Raises:
             ResultsError: The stored states lie on other nodes.
         """
-        import h5py
-
-        with h5py.File(self.heavy) as file:
-            stored = file["mesh/points"][:]
+        with opened(self.heavy) as file:
+            stored = np.asarray(read_values(file, "mesh/points"))
         if stored.shape != points.shape or not np.allclose(stored, points, rtol=0.0, atol=1e-9 * np.abs(stored).max()):
             raise ResultsError(
                 f"the states in {self.folder} are of another mesh ({len(stored)} nodes there, {len(points)} here), as another "
@@ -182,20 +196,20 @@ class Results:
         Raises:
             ResultsError: There is nothing, or it cannot be read, or another version wrote it.
         """
-        import h5py
-
         if not self.heavy.exists():
             raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is nothing to go on from")
+        if self.steps.is_symlink():
+            raise ResultsError(f"{self.steps} is a link, and the steps of a run are in its own folder; remove it")
         found: dict[int, StoredStep] = {}
         try:
-            with h5py.File(self.heavy) as file:
+            with opened(self.heavy) as file:
                 self._check_format(int(file.attrs.get("format", 0)), go_on)
-                cells = file["mesh/cells"].shape
-                self._shapes = (len(file["mesh/points"]), cells, str(file["mesh"].attrs["cell_name"]))
-                for group in file.get("steps", {}):
-                    found[int(group)] = read_step(file[f"steps/{group}"], self.heavy.name, f"/steps/{group}")
+                points, cells = inside(file, "mesh/points").shape, inside(file, "mesh/cells").shape
+                self._shapes = (points[0], cells, str(inside(file, "mesh").attrs["cell_name"]))
+                for group in inside(file, "steps") if "steps" in file else ():
+                    found[int(group)] = read_step(inside(file, f"steps/{group}"), self.heavy.name, f"/steps/{group}")
             for path in sorted(self.steps.glob("*.h5")):
-                with h5py.File(path) as file:
+                with opened(path) as file:
                     found[int(path.stem)] = read_step(file, f"{self.steps.name}/{path.name}", "")
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
             if isinstance(error, ResultsError):
@@ -239,23 +253,22 @@ class Results:
 
     def fields(self, step: int, names: tuple[str, ...]) -> dict[str, npt.NDArray[np.float64]]:
         """Nodal fields of a stored step."""
-        import h5py
-
         if not (self.folder / self.stored[step].file).exists():
             self.load()  # the run that wrote it has gathered its steps meanwhile
         stored = self.stored[step]
-        with h5py.File(self.folder / stored.file) as file:
-            step_fields = file[stored.group or "/"]
-            return {name: step_fields[name if name in step_fields else FORMER.get(name, name)][:] for name in names}
+        with opened(self.folder / stored.file) as file:
+            found = {name: f"{stored.group}/{name}" for name in names}
+            former = {name: f"{stored.group}/{FORMER.get(name, name)}" for name in names}
+            places = {name: path if path in file else former[name] for name, path in found.items()}
+            return {name: np.asarray(read_values(file, path)) for name, path in places.items()}
 
     def has(self, step: int, names: Sequence[str]) -> bool:
         """Whether a stored step has these fields."""
-        import h5py
-
         stored = self.stored[step]
-        with h5py.File(self.folder / stored.file) as file:
-            step_fields = file[stored.group or "/"]
-            return all(name in step_fields or FORMER.get(name) in step_fields for name in names)
+        with opened(self.folder / stored.file) as file:
+            return all(
+                f"{stored.group}/{name}" in file or f"{stored.group}/{FORMER.get(name, name)}" in file for name in names
+            )
 
     def finish(self) -> None:
         """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere.

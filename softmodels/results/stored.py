@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from geometries import Actuator
 from softmodels.case.case import Case
+from softmodels.results.reading import opened, read_values
 from softmodels.results.row import Row
 from softmodels.results.skin import Skin, skin_of
 from softmodels.results.state_words import StateWords, state_words
@@ -39,8 +41,6 @@ class States:
     """
 
     def __init__(self, folder: Path, name: str):
-        import h5py
-
         self.folder, self.results = folder, Results(folder, name)
         if not self.results.heavy.exists():
             raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
@@ -49,10 +49,12 @@ class States:
         if not self.rows:
             raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
         self.case = Case.from_file(folder / "case.toml")
-        with h5py.File(self.results.heavy) as file:
-            mesh = file["mesh"]
-            self.points, self.cells = mesh["points"][:], mesh["cells"][:]
-            self.cell_name = str(mesh.attrs["cell_name"])
+        with opened(self.results.heavy) as file:
+            self.points, self.cells = (
+                np.asarray(read_values(file, "mesh/points")),
+                np.asarray(read_values(file, "mesh/cells")),
+            )
+            self.cell_name = str(file["mesh"].attrs["cell_name"])
         self._read = functools.lru_cache(maxsize=24)(
             lambda step, field: self.results.fields(step, (field,))[field].astype(float)
         )
@@ -87,6 +89,11 @@ class States:
         if branch.heavy.exists():
             branch.load()
         return branch.rows
+
+    @functools.cached_property
+    def sources(self) -> dict[str, Sequence[Row]]:
+        """Rows of each source of the silicone, the run's own among them; none where no others were solved."""
+        return self.results.sources(self.case)
 
     def field(self, step: int, name: str) -> Array:
         """A nodal field of a state, shape (n,) or (n, 3), SI units."""

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol
 
+from softmodels.results.reading import inside
 from softmodels.results.row import Row
 
 if TYPE_CHECKING:
@@ -48,10 +49,17 @@ class Shaped(Protocol):
 
 
 def shapes_of(fields: Mapping[str, Shaped]) -> dict[str, tuple[int, ...]]:
-    """Shapes of nodal fields or of the datasets of a group, sorted by name, without those for a restart alone."""
+    """Shapes of nodal fields or of datasets, sorted by name, without those for a restart alone."""
     return {name: fields[name].shape for name in sorted(fields) if not name.startswith(RESTART)}
 
 
 def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
-    """A step as a group of an HDF5 file has it; the file is named relative to the folder of results."""
-    return StoredStep(file, path, Row(json.loads(group.attrs[ROW])), json.loads(group.attrs[RESTART]), shapes_of(group))
+    """A step as a group of an HDF5 file has it; the file is named relative to the folder of results.
+
+    Raises:
+        ForeignDataError: One of its fields is not in this file.
+    """
+    fields = {name: inside(group, name) for name in group}
+    return StoredStep(
+        file, path, Row(json.loads(group.attrs[ROW])), json.loads(group.attrs[RESTART]), shapes_of(fields)
+    )

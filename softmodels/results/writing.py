@@ -7,19 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from measurement.own_files import replaced_whole
+
 if TYPE_CHECKING:
     import h5py
 
 
 def replace(path: Path, fill: Callable[[Path], object]) -> None:
     """Write a file aside and rename it into place, so that no reader ever sees a part of it."""
-    aside = path.with_name(f"{path.name}.part")
-    try:
+    with replaced_whole(path, path.with_name(f"{path.name}.part")) as aside:
         fill(aside)
-        aside.replace(path)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
 
 
 def replace_hdf5(path: Path, fill: Callable[[h5py.File], object]) -> None:

@@ -6,6 +6,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from measurement.arguments import checked, place
+from measurement.user_file import GEOMETRY, read_file
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
 from softmodels.case.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
@@ -19,6 +21,7 @@ WRITERS = {".inp": (check, calculix), ".feb": (check_without_springs, febio)}
 """By the ending of a deck's file: what refuses a case before it is meshed, and what writes it."""
 
 
+@checked
 def export(case: Case | str | Path, file: str | Path) -> Deck:
     """Write a case for another program: the same mesh, silicones, supports, rigid parts, contact, dead loads and pressures.
 
@@ -36,13 +39,14 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
             equations cannot be made.
         OSError: The file cannot be written.
     """
-    whole, path = case if isinstance(case, Case) else Case.from_file(Path(case)), Path(file)
+    whole = case if isinstance(case, Case) else Case.from_file(place("case", case, "a case file, or a Case"))
+    path = place("file", file, "a file")
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise CaseError(
             f"{path} ends in {path.suffix or 'nothing'}; decks are {' for CalculiX and '.join(WRITERS)} for FEBio"
         )
-    if path.exists() and WRITTEN.encode() not in path.read_bytes()[:500]:
+    if path.exists() and WRITTEN.encode() not in read_file(path, GEOMETRY)[:500]:
         raise CaseError(f"{path} is there already and is no deck of this program; give another name")
     refuse, writer = WRITERS[suffix]
     refuse(whole)

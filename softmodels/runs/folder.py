@@ -12,6 +12,7 @@ from measurement.default_folder import numbered, take_default
 from measurement.output_place import FULL
 from measurement.own_files import is_same
 from measurement.own_folder import OwnFolder
+from measurement.user_file import file_digest, read_text
 from softmodels.case.case import Case
 from softmodels.case.identity import difference, identity
 from softmodels.mechanics.mpi import on_root
@@ -177,7 +178,7 @@ def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs:
     text, folder = case.to_toml(), results.own.path
     for name, file in itertools.product(results.own.files, inputs):
         # A case file that lies among its own run's results may repeat it: what is written then is what is there.
-        if is_same(folder / name, file) and not (name == "case.toml" and file.read_text() == text):
+        if is_same(folder / name, file) and not (name == "case.toml" and read_text(file) == text):
             raise RunError(
                 f"{file} is read, and would be replaced by the results of this run; take another folder (--output)",
                 BAD_INPUT,
@@ -194,7 +195,7 @@ def _check_unchanged(results: Results) -> None:
         RunError: It was changed.
     """
     file, known = results.own.path / "case.toml", results.own.about.get("case_file")
-    if known is not None and file.exists() and hashlib.sha256(file.read_bytes()).hexdigest() != known:
+    if known is not None and file.exists() and file_digest(file) != known:
         raise RunError(
             f"{file} was changed since its run wrote it; move it out of its results and run it from there, or take another "
             "folder (--output)",
@@ -209,4 +210,4 @@ def _digest(text: str) -> str:
 def mesh_is_known(results: Results, mesh: Path) -> bool:
     """Whether a mesh file is the one that the run has written: it may have been changed or damaged since."""
     known = results.own.about.get("mesh")
-    return mesh.is_file() and known == hashlib.sha256(mesh.read_bytes()).hexdigest()
+    return mesh.is_file() and known == file_digest(mesh)

@@ -6,8 +6,8 @@ import functools
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from measurement.user_file import file_digest
 from softmodels.case.case import Case
-from softmodels.case.identity import digest
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE
@@ -19,6 +19,7 @@ from softmodels.results.store import BRANCH, Results, write_text
 from softmodels.runs.folder import mesh_is_known
 from softmodels.runs.gathering import gather
 from softmodels.runs.simulation import Simulation
+from softmodels.runs.sources import solve_sources
 from softmodels.runs.step import FROM_REST, Begun, PathEnded, Step
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def record(
     mesh = results.folder / f"{case.name}.msh"
     if not (resumed and on_root(comm, lambda: mesh_is_known(results, mesh))):
         simulation.write_mesh(mesh)
-        on_root(comm, lambda: results.record(mesh=digest(mesh)))
+        on_root(comm, lambda: results.record(mesh=file_digest(mesh)))
     simulation.prepare(mesh)
     if resumed:
         on_root(comm, lambda: results.check_grid(simulation.fields.grid.points))
@@ -67,6 +68,8 @@ def record(
         ended = end
     if branch:
         _record_branch(simulation, results)
+    sources = solve_sources(simulation, results.own.path / mesh.name)  # where it is since the first state
+    on_root(comm, lambda: results.write_sources(sources))
     if ended is not None:
         raise ended
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+
+import meshio
 import pytest
 
-from geometries import HollowDisk, MeshFileError
+from geometries import GeometryError, HollowDisk, MeshFileError
+from geometries.foreign_meshes import read_mesh, read_surfaces
 from geometries.mesh_files import load_mesh
 from geometries.meshing import private_model, summarize
 
@@ -88,3 +92,51 @@ def test_only_the_checked_way_leads_to_gmsh(request):
         if "gmsh.merge(" in line or "gmsh.open(" in line or ("importShapes(" in line and "format=" not in line)
     ]
     assert [call.split(":")[0] for call in calls] == ["geometries/mesh_files.py"]
+
+
+DECK = """*NODE
+1, 0, 0, 0
+2, 1, 0, 0
+3, 0, 1, 0
+4, 0, 0, 1
+** *INCLUDE, INPUT=comment.inp
+*ELEMENT, TYPE=C3D4, ELSET=ALL
+1, 1, 2, 3, 4
+*NSET, NSET=root, GENERATE
+1, 3, 1
+"""
+
+
+@pytest.mark.parametrize(
+    "line", ["*INCLUDE, INPUT={}", "*include,input = {}", "  *Include, INPUT={}", "INCLUDE, INPUT={}", "*IN*CLUDE, INPUT={}",
+             "*NODE, INPUT={}", "*ELEMENT, TYPE=C3D4, INPUT={}"],
+)  # fmt: skip
+def test_a_deck_opens_no_other_file(tmp_path, monkeypatch, line):
+    secret, file = tmp_path / "secret.inp", tmp_path / "deck.inp"
+    secret.write_text(DECK.replace("*ELEMENT", "*NODE"))
+    file.write_text(DECK)
+    assert len(read_mesh(str(file), 1e-3, 1.0).points) == 4
+    file.write_text(DECK + line.format(secret) + "\n")
+    monkeypatch.setattr(meshio, "read", lambda *_: pytest.fail("meshio has been given it"))
+    with pytest.raises(
+        GeometryError, match=r"takes lines from another file .line 1[12]: .* paste the other file's lines"
+    ):
+        read_mesh(str(file), 1e-3, 1.0)
+
+
+def test_a_set_is_no_longer_than_its_deck(tmp_path):
+    file = tmp_path / "deck.inp"
+    file.write_text(DECK.replace("1, 3, 1", "1, 100000000000, 1"))
+    with pytest.raises(GeometryError, match="more than the file has letters"):
+        read_mesh(str(file), 1e-3, 1.0)
+
+
+@pytest.mark.parametrize("ending", [".inp", ".msh", ".stl"])
+def test_a_pipe_is_not_waited_for(tmp_path, ending):
+    file = tmp_path / f"part{ending}"
+    os.mkfifo(file)
+    with pytest.raises(GeometryError, match="it is a named pipe, not a regular file"):
+        read_mesh(str(file), 1e-3, 1.0)
+    if ending == ".stl":
+        with pytest.raises(GeometryError, match="it is a named pipe"):
+            read_surfaces(str(file), 1e-3)

@@ -146,7 +146,7 @@ REFUSED = {
     "script.eps": (lambda path: path.write_bytes(b"\xc5\xd0\xd3\xc6" + bytes(400)), "file is no picture"),
     "script.jpg": (lambda path: path.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n"), "PostScript"),
     "empty.jpg": (lambda path: path.write_bytes(b""), "it is empty"),
-    "folder.jpg": (lambda path: path.mkdir(), "folder or a device"),
+    "folder.jpg": (lambda path: path.mkdir(), "it is a folder, not a regular file"),
     "pages.tif": (_two_pages, "it holds 2 pictures"),
     "moving.gif": (_two_pages, "it holds 2 pictures"),
     "moving.png": (_two_pages, "it holds 2 pictures"),

@@ -57,7 +57,7 @@ def test_walls_at_rest_and_under_pressure_are_apart(made):
 def test_the_gap_of_a_ceiling_over_a_floor_is_exact_on_both_sides_of_zero(made, share):
     """At the axis both are level, and there the ceiling has come down by the share of the cavity's height."""
     disk, points, walls = made
-    gap = walls.least(sunk(disk, points, share))
+    gap = walls.least(sunk(disk, points, share), reach=disk.cavity_height)
     assert gap.value == pytest.approx((1.0 - share) * disk.cavity_height, abs=2e-3 * disk.cavity_height)
     assert gap.overlaps is (share > 1.0)
     if share > 1.0:
@@ -96,7 +96,7 @@ def test_a_wall_that_goes_through_its_mirror_plane_is_seen(drawings, tmp_path):
     assert not walls.least(np.outer(-0.7 * half * bulge, [0.0, 1.0, 0.0])).overlaps
     shift = -1.5 * half * bulge
     gap = walls.least(np.outer(shift, [0.0, 1.0, 0.0]))
-    assert gap.overlaps and gap.value == pytest.approx(2 * (half + shift.min()), rel=0.15)
+    assert gap.overlaps and gap.value == pytest.approx(2 * (half + shift.min()), rel=0.02)
     assert gap.rates[:, 1].sum() == pytest.approx(2.0)
 
 
@@ -201,9 +201,9 @@ def test_states_whose_walls_overlap_are_marked_on_pictures_and_in_notes(fingers)
 
 def test_a_state_between_two_is_judged_as_their_rows_are(fingers):
     """Walls that overlap at two states overlap between them, and by an amount between."""
-    run = sm.inflate(COARSE, sm.NeoHookean(16e3), "0,2,4 cm", parts=[sm.Walls("none")])
-    low, high = run.path["least_gap_mm"][[-1, -2]]
-    between = run.at("3 cm").row
+    run = sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3,5 cm", parts=[sm.Walls("none")])
+    high, low = (row["least_gap_mm"] for row in run.rows[1:] if row["requested"])
+    between = run.at("4 cm").row
     assert between["walls_touch"] == 1 and low < between["least_gap_mm"] < high < 0.0
-    assert run.at("4 cm").row["least_gap_mm"] == low
-    assert between["least_gap_mm"] == pytest.approx(fingers[1].path["least_gap_mm"][-1], rel=1e-3)
+    assert run.at("5 cm").row["least_gap_mm"] == low
+    assert high == pytest.approx(fingers[1].path["least_gap_mm"][-1], rel=1e-3)

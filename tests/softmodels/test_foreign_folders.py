@@ -1,11 +1,16 @@
-"""Standing in somebody else's folder: nothing in it is run, and nothing in it changes the numbers."""
+"""Somebody else's folder: nothing in it is run, nothing in it changes the numbers, and it shows no other file's bytes."""
 
 from __future__ import annotations
 
 import json
+import os
+import shutil
 
+import h5py
+import numpy as np
 import pytest
 
+import softmodels as sm
 from geometries import HollowDisk
 from geometries.apart import apart
 
@@ -42,3 +47,64 @@ def test_a_run_there_is_the_run_of_elsewhere(foreign, whole, runs, tmp_path, mon
 def test_a_meshers_process_takes_no_module_from_there(foreign, tmp_path):
     assert apart(HollowDisk(section="axisymmetric", fillet=0).write, tmp_path / "disk.msh").exists()
     assert not foreign.exists()
+
+
+SECRET = b"the user's own secret, and nobody else's" * 4000
+
+
+@pytest.fixture
+def theirs(half_section, tmp_path):
+    """A folder of results, to be changed."""
+    return shutil.copytree(half_section, tmp_path / "theirs")
+
+
+def external(file, name, secret):
+    shape = file[name].shape
+    del file[name]
+    file.create_dataset(name, shape, "f8", external=[(str(secret), 0, h5py.h5f.UNLIMITED)])
+
+
+def virtual(file, name, secret):
+    shape = file[name].shape
+    del file[name]
+    with h5py.File(f"{secret}.h5", "w") as other:
+        other["x"] = np.frombuffer(SECRET[: 8 * int(np.prod(shape))]).reshape(shape)
+    layout = h5py.VirtualLayout(shape, "f8")
+    layout[:] = h5py.VirtualSource(f"{secret}.h5", "x", shape)
+    file.create_virtual_dataset(name, layout)
+
+
+def linked(file, name, secret):
+    with h5py.File(f"{secret}.h5", "w") as other:
+        other["x"] = np.zeros(file[name].shape)
+    del file[name]
+    file[name] = h5py.ExternalLink(f"{secret}.h5", "/x")
+
+
+def unwritten(file, name, secret):
+    del file[name]
+    file.create_dataset(name, (1 << 40, 3), "f8", chunks=(1024, 3))
+
+
+@pytest.mark.parametrize("trick", [external, virtual, linked, unwritten])
+@pytest.mark.parametrize("name", ["mesh/points", "steps/0002/displacement", "steps/0003/von_mises_stress"])
+def test_results_show_no_other_files_bytes(theirs, tmp_path, trick, name):
+    secret = tmp_path / "secret.bin"
+    secret.write_bytes(SECRET)
+    with h5py.File(theirs / "disk.h5", "a") as file:
+        trick(file, name, secret)
+    with pytest.raises(
+        sm.ResultsError, match=f"cannot be read .{name if 'mesh' in name else name[11:]} (takes|is a|is pac)"
+    ):
+        sm.load(theirs)
+
+
+@pytest.mark.parametrize("name", ["disk.h5", "case.toml", "summary.json", ".softmodels.json"])
+def test_no_pipe_in_them_is_waited_for(theirs, name):
+    (theirs / name).unlink(missing_ok=True)
+    os.mkfifo(theirs / name)
+    if name in ("disk.h5", "case.toml"):
+        with pytest.raises((sm.ResultsError, sm.CaseError), match="it is a named pipe, not a regular file"):
+            sm.load(theirs)
+    else:
+        assert len(sm.load(theirs)) == 6

@@ -205,7 +205,8 @@ def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
 
 def acting(case: Case) -> list[str]:
     """Dead loads by the names of their tables, without those whose amount would be a request's."""
-    loads = [part for part in case.parts if isinstance(part, LOADS)]
+    idle = [part for part in case.parts if isinstance(part, LoadPart) and part.idle(case.parts)]
+    loads = [part for part in case.parts if isinstance(part, LOADS) and part not in idle]
     return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
 
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from measurement.reasons import reason
 from measurement.units import UnitError, number
+from measurement.user_file import read_text
 from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.outlines.bench import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR
 from softmodels.fitting.outlines.device_model import DeviceModel
@@ -60,7 +61,7 @@ def read_heights(path: Path, untrusted: bool = False, without: Sequence[str] = (
         OutlineFitError: No such table; a number that is none; a height that is not trusted, unless ``untrusted``.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path)
         separator = ";" if ";" in text.partition("\n")[0] else ","
         rows = list(csv.DictReader(text.splitlines(), delimiter=separator))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
