@@ -60,10 +60,9 @@ def _check_walls(finger: PneuNet) -> None:
             f"{_mm(length(finger))} long, and above {0.1 * LONGEST:g} m this looks like a mistaken unit"
         )
     for name in ("chamber_width", "chamber_height", "side_wall", "top_wall", "base"):
-        if getattr(finger, name) > length(finger):
+        if getattr(finger, name) > 0.1 * LONGEST:
             raise GeometryError(
-                f"{name} is {_mm(getattr(finger, name))}; a finger's sections are smaller than its length, "
-                f"{_mm(length(finger))}"
+                f"{name} is {_mm(getattr(finger, name))}; above {_mm(0.1 * LONGEST)} this looks like a mistaken unit"
             )
 
 

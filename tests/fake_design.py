@@ -18,6 +18,7 @@ from geometries.fields import length_field
 from geometries.parameters import changed
 from softmodels.design import evaluator, problem
 from softmodels.design.evaluation import DesignFailure
+from softmodels.design.loads import Load
 
 DENSITY = 1070.0
 
@@ -54,7 +55,7 @@ class FakeQuantity:
 
     @property
     def key(self):
-        return self.title if self.at is None else f"{self.title} at {self.at / 1e3:.6g} kPa"
+        return self.title if self.at is None else f"{self.title} at {Load.of(self.at).value / 1e3:.6g} kPa"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -64,7 +65,7 @@ class FakeRise(FakeQuantity):
     of: str = ""
 
     def value(self, device, mu, _):
-        q = self.at / limit(device, mu)
+        q = Load.of(self.at).value / limit(device, mu)
         return 0.6 * device.cavity_radius * q ** (1 / 3) * (1 + 0.5 * q**4)
 
 
@@ -115,7 +116,7 @@ class FakeModel:
 
     def __init__(self, case, names, quantities, comm=None):
         self.case, self.names, self.quantities, self.calls = case, names, quantities, []
-        self.working = max((one.at for one in quantities if one.at is not None), default=case.goals[-1])
+        self.working = max((Load.of(one.at).value for one in quantities if one.at is not None), default=case.goals[-1])
 
     def values(self, theta, mu=None):
         device = changed(self.case.actuator, dict(zip(self.names, theta, strict=True)))

@@ -5,7 +5,8 @@ tip = "70, 0, 4 mm"                 # the nearest place on the surface is follow
 base = "5, 0, 4 mm"
 
 [angles]
-bend = "base to tip"                # how far this line has turned, towards the lift positive
+bend = "face x = 70 mm"             # mean rotation of this flat face, towards the lift positive: what is called the bend
+chord = "base to tip"               # how far this line has turned: of a circular arc half of the bend
 jaws = ["base to tip", "base to thumb"]     # the angle between two lines
 
 [profile]
@@ -24,7 +25,7 @@ import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
-from geometries.selections import faces, point
+from geometries.selections import Faces, faces, point
 from measurement.arguments import checked
 from measurement.wording import Spoken
 
@@ -41,11 +42,12 @@ class GaugeError(Spoken, ValueError):
 @checked
 @dataclasses.dataclass(frozen=True)
 class Gauges:
-    """Points by name, angles by name as one or two lines from point to point, and the plane of the profile.
+    """Points by name, angles by name as one or two lines from point to point or as a face, and the plane of the profile.
 
     Attributes:
         points: Names and places, as written.
         angles: Names and lines.
+        faces: Names and faces whose rotation is an angle, as written, such as "x = 70 mm".
         plane: As written; empty for none.
 
     Raises:
@@ -55,10 +57,11 @@ class Gauges:
     points: tuple[tuple[str, str], ...] = ()
     angles: tuple[tuple[str, tuple[Line, ...]], ...] = ()
     plane: str = ""
+    faces: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         names = {name for name, _ in self.points}
-        for name in (*names, *(name for name, _ in self.angles)):
+        for name in (*names, *(name for name, _ in (*self.angles, *self.faces))):
             if not re.fullmatch(NAME, name):
                 raise GaugeError(f"{name!r} cannot name a column; use letters, digits and '_'")
         for name, lines in self.angles:
@@ -70,12 +73,23 @@ class Gauges:
                     raise GaugeError(
                         f"angle {name}: a line runs from one point to another, not from {line[0]} to itself"
                     )
-        _ = self.places, self.cut
+        _ = self.places, self.cut, self.turning
 
     @property
     def places(self) -> dict[str, Vector]:
         """Wanted places by name in device coordinates, m."""
         return {name: _reworded(point, f"point {name}", _with_at(text)) for name, text in self.points}
+
+    @property
+    def turning(self) -> dict[str, Faces]:
+        """Faces by the name of the angle that is their mean rotation; each is chosen by a plane or a box."""
+        found = {name: _reworded(faces, f"angle {name}", text) for name, text in self.faces}
+        for name, one in found.items():
+            if one.normal is None and one.box is None:
+                raise GaugeError(
+                    f"angle {name} is of the face {one.text!r}; choose it by its place, such as 'face x = 70 mm'"
+                )
+        return found
 
     @property
     def cut(self) -> tuple[Vector, float] | None:
@@ -90,7 +104,7 @@ class Gauges:
     def columns(self) -> list[str]:
         """Columns that it adds to ``path.csv`` and that change along a path: places and angles."""
         return [f"{name}_{axis}_mm" for name, _ in self.points for axis in "xyz"] + [
-            f"{name}_deg" for name, _ in self.angles
+            f"{name}_deg" for name, _ in (*self.angles, *self.faces)
         ]
 
     @property
@@ -104,6 +118,10 @@ class Gauges:
         Raises:
             GaugeError: A name that is taken.
         """
+        if self.faces and actuator.dimension == 2:
+            raise GaugeError(
+                f"angle {self.faces[0][0]}: the faces of an axisymmetric section do not turn; leave it out"
+            )
         taken = {*actuator.device_figures(actuator.probes), *(f"max_stretch_{axis}_mm" for axis in "xyz")}
         for column in (*self.columns(), *self.off_columns.values()):
             if column in taken:
@@ -111,13 +129,20 @@ class Gauges:
                     f"{column} is a column of its own in path.csv; take another name in [points] or [angles]"
                 )
 
-    def figures(self, rest: Mapping[str, Vector], moved: Mapping[str, Array], lift: Vector) -> dict[str, float]:
+    def figures(
+        self,
+        rest: Mapping[str, Vector],
+        moved: Mapping[str, Array],
+        lift: Vector,
+        normals: Mapping[str, tuple[Array, Array]] | None = None,
+    ) -> dict[str, float]:
         """Values by column.
 
         Args:
             rest: Undeformed places by name, m.
             moved: Displacements by name, m.
             lift: Direction of the device's lift.
+            normals: Normals of the faces of `turning` by name: undeformed, and turned by the face's mean rotation.
         """
         now = {name: np.asarray(rest[name]) + moved[name] for name in rest}
         found = {
@@ -128,6 +153,8 @@ class Gauges:
         for name, lines in self.angles:
             first, *second = ([now[b] - now[a], np.asarray(rest[b]) - np.asarray(rest[a])] for a, b in lines)
             found[f"{name}_deg"] = _angle(first[0], second[0][0]) if second else _turned(first[1], first[0], lift)
+        for name, (before, now_there) in (normals or {}).items():
+            found[f"{name}_deg"] = _turned(before, now_there, lift)
         return found
 
 
@@ -151,7 +178,9 @@ def from_tables(tables: Mapping[str, Mapping[str, object]]) -> Gauges:
     plane = profile.get("plane", "")
     if not isinstance(plane, str):
         raise GaugeError(f"profile plane is {plane!r}; write a plane as 'y = 0 mm'")
-    return Gauges(tuple(named), tuple((name, _lines(name, value)) for name, value in angles.items()), plane)
+    turning = {name: found[1] for name, value in angles.items() if (found := _face(value))}
+    lines = tuple((name, _lines(name, value)) for name, value in angles.items() if name not in turning)
+    return Gauges(tuple(named), lines, plane, tuple(turning.items()))
 
 
 def to_tables(gauges: Gauges) -> dict[str, Mapping[str, object]]:
@@ -159,7 +188,8 @@ def to_tables(gauges: Gauges) -> dict[str, Mapping[str, object]]:
     angles = {name: [" to ".join(line) for line in lines] for name, lines in gauges.angles}
     tables: dict[str, Mapping[str, object]] = {
         "points": dict(gauges.points),
-        "angles": {name: lines[0] if len(lines) == 1 else lines for name, lines in angles.items()},
+        "angles": {name: lines[0] if len(lines) == 1 else lines for name, lines in angles.items()}
+        | {name: f"face {text}" for name, text in gauges.faces},
         "profile": {"plane": gauges.plane} if gauges.plane else {},
     }
     return {name: table for name, table in tables.items() if table}
@@ -172,13 +202,21 @@ def followed_text(name: str, away: float, place: Sequence[float] = ()) -> str:
     return f"point {name} is followed at{where} {near}"
 
 
+def _face(value: object) -> re.Match[str] | None:
+    return re.fullmatch(r"\s*face\s+(?!to\s)(.*\S)\s*", value) if isinstance(value, str) else None
+
+
 def _lines(name: str, value: object) -> tuple[Line, ...]:
     texts = [value] if isinstance(value, str) else value
     if not isinstance(texts, list) or not 1 <= len(texts) <= 2 or not all(isinstance(text, str) for text in texts):
-        raise GaugeError(f"angle {name} is {value!r}; write 'base to tip', or two such lines in a list")
+        raise GaugeError(
+            f"angle {name} is {value!r}; write 'face x = 70 mm', 'base to tip', or two such lines in a list"
+        )
     found = [re.fullmatch(rf"\s*({NAME})\s+to\s+({NAME})\s*", text) for text in texts]
     if not all(found):
-        raise GaugeError(f"angle {name} is {value!r}; write a line as 'base to tip', from point to point")
+        raise GaugeError(
+            f"angle {name} is {value!r}; write a line as 'base to tip', from point to point, or a face as 'face x = 70 mm'"
+        )
     return tuple((one[1], one[2]) for one in found if one)
 
 

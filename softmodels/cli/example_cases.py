@@ -114,6 +114,9 @@ gauge_point = "at 80, 6, -6 mm" # a corner of its tip, whose rise along z is rep
 cell_size = "4 mm"
 curvature = 6
 
+[angles]
+bend = "face x = 80 mm"         # mean rotation of the face of its tip
+
 [material]
 silicone = "ecoflex-00-30"
 

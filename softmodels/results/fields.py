@@ -14,11 +14,12 @@ from softmodels.case.gauges import NONE, Gauges, followed_text
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.section_axes import in_space
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.mechanics.tangent import Tangent
 from softmodels.results.figures import Figures
-from softmodels.results.followed import Followed, followed_points
+from softmodels.results.followed import Followed, followed_points, turning_faces
 from softmodels.results.forces import MEASURES
 from softmodels.results.grid import Grid
 from softmodels.results.output_fields import FIELDS
@@ -57,6 +58,7 @@ class Fields:
         self._places = fem.Expression(places, system.points, jit_options=JIT)
         self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
         self._gauges, self._followed = gauges, followed_points(system, self.grid, gauges)
+        self._turning = turning_faces(system, self.grid, gauges)
 
     @functools.cached_property
     def walls(self) -> Walls:
@@ -110,7 +112,7 @@ class Fields:
         pressures = eq.pressures_at(state) * eq.stress_unit
         device = together(
             actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
-            self._gauges.figures(places, named, actuator.lift),
+            self._gauges.figures(places, named, actuator.lift, self._normals(state.w)),
             *(measure.compute(self.sampling, state) for measure in MEASURES),
         )
         return Figures(
@@ -155,6 +157,15 @@ class Fields:
     def _at(self, u: Array, node: int) -> Array:
         """Displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
         return np.array([total(self.system.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
+
+    def _normals(self, w: Array) -> dict[str, tuple[Array, Array]]:
+        """Normals of the faces whose rotation is followed, undeformed and turned."""
+        eq, skew = self.system, self.sampling.skew
+        found = {}
+        for name, face in self._turning.items():
+            moved = in_space(w[skew[face.nodes]] @ eq.body.skew_inverse.T * eq.length_unit)
+            found[name] = face.normal, face.turned(moved)
+        return found
 
     def _moved(self, state: State, one: Followed) -> Array:
         """Displacement (3,) in m of a followed place, on all ranks."""

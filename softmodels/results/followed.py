@@ -1,4 +1,4 @@
-"""The places of the surface that named points are followed at, on any number of ranks."""
+"""The places of the surface that named points are followed at, and the faces whose rotation is, on any number of ranks."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Vector
+from geometries.symmetry import reflected
 from softmodels.case.gauges import GaugeError, Gauges
-from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.mpi import largest, summed, total
 from softmodels.mechanics.system import System
 from softmodels.results.grid import Grid
 
@@ -51,6 +52,80 @@ def followed_points(system: System, grid: Grid, gauges: Gauges) -> dict[str, Fol
     places = system.body.actuator.device_points(here) if len(here) else np.empty((0, 3))
     corners = places.reshape(*facets.shape, 3)
     return {name: _nearest(system, name, np.asarray(wanted), facets, corners) for name, wanted in gauges.places.items()}
+
+
+class TurningFace:
+    """A face whose mean rotation is followed: the rotation that fits its motion best, facets weighed by their area.
+
+    Args:
+        system: The device.
+        nodes: Local nodes of the corners of the face's facets on this rank, shape (m, 3).
+        places: Their undeformed places in device coordinates, m, shape (m, 3, 3).
+        middle: Middle of the device's whole surface, from which the face's normal points away.
+    """
+
+    def __init__(self, system: System, nodes: Nodes, places: Array, middle: Array):
+        self.nodes, self._comm = nodes, system.comm
+        self._images = [
+            np.asarray(image) for image in reflected([plane.normal for plane in system.body.actuator.cut_planes])
+        ]
+        sides = places[:, 1:] - places[:, :1]
+        areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        self._areas, self._places = np.repeat(areas, 3), places.reshape(-1, 3)
+        self._area, self._centre, second = self._moments(self._places)
+        self.normal: Array = np.linalg.eigh(second)[1][:, 0]
+        if self.normal @ (self._centre - middle) < 0.0:
+            self.normal = -self.normal
+
+    def _moments(self, now: Array) -> tuple[float, Array, Array]:
+        """Area of the face and its images, its centre at places ``now``, and the moments of these with the undeformed ones."""
+        weighed = self._areas[:, None] * self._places
+        sums = summed(
+            self._comm,
+            np.concatenate([[self._areas.sum()], weighed.sum(axis=0), self._areas @ now, (weighed.T @ now).ravel()]),
+        )
+        count = len(self._images)
+        area, rest, there, both = count * sums[0], sums[1:4], sums[4:7], sums[7:].reshape(3, 3)
+        rest, there = (np.sum([image @ side for image in self._images], axis=0) for side in (rest, there))
+        both = np.sum([image @ both @ image.T for image in self._images], axis=0)
+        return float(area), there / area, both / area - np.outer(rest, there) / area**2
+
+    def turned(self, moved: Array) -> Array:
+        """The normal turned by the mean rotation, from displacements of the corners in device coordinates, shape (m, 3, 3).
+
+        The rotation is that of Kabsch 1976 (doi 10.1107/S0567739476001873).
+        """
+        _, _, both = self._moments(self._places + moved.reshape(-1, 3))
+        U, _, Vt = np.linalg.svd(both)
+        U[:, 2] *= np.linalg.det(U)
+        Vt[2] *= np.linalg.det(Vt)
+        return np.asarray(Vt.T @ (U.T @ self.normal))
+
+
+def turning_faces(system: System, grid: Grid, gauges: Gauges) -> dict[str, TurningFace]:
+    """The faces whose mean rotation is an angle.
+
+    Raises:
+        GaugeError: The device has no such face.
+    """
+    if not gauges.faces:
+        return {}
+    facets = _surface(system, grid)[:, :3]
+    here = grid.space.tabulate_dof_coordinates()[facets.ravel()] * system.length_unit
+    places = system.body.actuator.device_points(here).reshape(-1, 3, 3) if len(here) else np.empty((0, 3, 3))
+    sums = summed(system.comm, np.append(places.reshape(-1, 3).sum(axis=0), 3.0 * len(places)))
+    near = 1e-5 * system.length_unit
+    found = {}
+    for name, face in gauges.turning.items():
+        if face.normal is not None:
+            chosen = (np.abs(places @ np.asarray(face.normal) - face.at) < near).all(axis=1)
+        else:
+            low, high = (np.asarray(end) for end in face.box or ((), ()))
+            chosen = ((places > low - near) & (places < high + near)).all(axis=(1, 2))
+        if not total(system.comm, float(chosen.sum())):
+            raise GaugeError(f"angle {name}: the device has no face 'face {face.text}'")
+        found[name] = TurningFace(system, facets[chosen], places[chosen], sums[:3] / sums[3])
+    return found
 
 
 def _surface(system: System, grid: Grid) -> Nodes:

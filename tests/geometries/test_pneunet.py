@@ -114,7 +114,7 @@ def test_faces_follow_every_parameter(meshed):
         ({"cap": 0.0002}, ("cap is 0.2 mm", "least_wall")),
         ({"paper": 0.0025}, ("paper is 2.5 mm", "base 3 mm")),
         ({"chamber_length": 0.4}, ("chamber_length is 400 mm", "mistaken unit")),
-        ({"chamber_height": 0.08}, ("chamber_height is 80 mm", "length, 33.5 mm")),
+        ({"chamber_height": 0.4}, ("chamber_height is 400 mm", "mistaken unit")),
         ({"cell_size": 0.015}, ("cell_size is 15 mm", "wall 1 mm")),
         ({"cell_size": 0.00008}, ("cell_size is 0.08 mm", "3,000,000")),
         ({"chambers": 31}, ("chambers is 31",)),
@@ -147,3 +147,12 @@ def test_figures_of_a_bent_finger(turned):
     figures = finger.device_figures(places)
     assert figures["bend_angle_deg"] == pytest.approx(turned, abs=1e-9)
     assert figures["tip_x_mm"] == pytest.approx(1e3 * x) and figures["tip_z_mm"] == pytest.approx(1e3 * z)
+
+
+def test_a_finger_may_be_wider_than_long(tmp_path):
+    """A pouch of one chamber is; only what looks like a mistaken unit is refused."""
+    pouch = PneuNet(chambers=1, chamber_width=0.030, cell_size=0.004)
+    assert pouch.probes["tip"][0] < pouch.chamber_width
+    assert pouch.write(tmp_path / "pouch.msh").is_file()
+    with pytest.raises(GeometryError, match="looks like a mistaken unit"):
+        PneuNet(chamber_width=12.0)

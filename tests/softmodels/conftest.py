@@ -46,10 +46,10 @@ def disk(folder, *arguments, **options):
 
 
 def rows(folder):
-    """The table of a folder of results; numbers as numbers."""
+    """The table of a folder of results; numbers as numbers, None for an empty cell."""
     with (folder / "path.csv").open() as file:
         return [
-            {key: value if key == "following" else float(value) for key, value in row.items()}
+            {key: value if key == "following" else float(value) if value else None for key, value in row.items()}
             for row in csv.DictReader(file)
         ]
 

@@ -133,7 +133,7 @@ def test_a_problem_that_cannot_be_meant_is_one_sentence(name, tmp_path, ended, m
 def test_the_good_problem_is_good(tmp_path):
     problem = DesignProblem.from_toml(GOOD)
     assert [one.name for one in problem.free] == ["cavity_radius", "membrane"]
-    assert problem.terms[0].quantity.at == pytest.approx(177 * problem.case.cm) and problem.sign == -1.0
+    assert problem.terms[0].quantity.at.value == pytest.approx(177 * problem.case.cm) and problem.sign == -1.0
     assert [keep.quantity.name for keep in problem.limits] == ["max_stretch", "limit_margin", "clearances"]
     assert problem.limits[2].at_least == 0.003 and problem.notes == ()
 

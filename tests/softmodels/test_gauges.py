@@ -197,6 +197,36 @@ def test_a_point_of_a_section_is_the_apex(runs, tmp_path):
     )
 
 
+def test_the_rotation_of_a_face_is_the_bend():
+    """The tip of a bent finger turns as far as two probes on it show; the chord to it turns about half as far."""
+    finger = sm.PneuNet(chambers=2, cell_size=0.006)
+    length = finger.probes["tip"][0]
+    tables = {
+        "points": {"root": "0, 0, 0 mm", "end": f"{1e3 * length:.9g}, 0, 0 mm"},
+        "angles": {"bend": f"face x = {1e3 * length:.9g} mm", "chord": "root to end"},
+    }
+    gauges = from_tables(tables)
+    assert to_tables(gauges) == tables and gauges.columns()[-2:] == ["chord_deg", "bend_deg"]
+    case = Case("bent", finger, sm.NeoHookean(30e3), pressures_cm=(0.0, 10.0), gauges=gauges)
+    run = sm.run(case)
+    bend, chord, probes = (run.path[name][-1] for name in ("bend_deg", "chord_deg", "bend_angle_deg"))
+    assert run.path["bend_deg"][0] == pytest.approx(0.0, abs=1e-5)
+    # The lift of a finger is upwards, and it bends down.
+    assert abs(bend) == pytest.approx(abs(probes), rel=0.05) and abs(probes) > 4.0
+    assert 0.4 < chord / bend < 0.75
+    with pytest.raises(GaugeError, match="has no face 'face x = 1 mm'"):
+        sm.run(Case("bent", finger, sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
+                    gauges=from_tables({"angles": {"bend": "face x = 1 mm"}})))  # fmt: skip
+
+
+def test_faces_that_cannot_turn_are_refused():
+    with pytest.raises(CaseError, match="faces of an axisymmetric section do not turn"):
+        Case("disk", HollowDisk(section="axisymmetric"), sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
+             gauges=from_tables({"angles": {"bend": "face z = 16 mm"}}))  # fmt: skip
+    with pytest.raises(GaugeError, match="choose it by its place"):
+        from_tables({"angles": {"bend": "face named tip"}})
+
+
 def test_a_point_of_a_device_that_hangs_is_where_it_was_named():
     """A path under gravity begins with a device that sags: where its points are then is not where they were named."""
     membrane, gravity = sm.Membrane(thickness=0.002, cell_size=0.004), sm.Gravity("-z", magnitude=98.1)
