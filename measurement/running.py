@@ -8,6 +8,7 @@ import sys
 import click
 
 from measurement.ending import FAILED, STOPPED, bounded, written
+from measurement.terminal import say
 
 
 def run_command(command: click.Command, name: str) -> None:
@@ -19,7 +20,7 @@ def run_command(command: click.Command, name: str) -> None:
     """
 
     def tell(sentence: str) -> None:
-        click.echo(f"Error: {bounded(sentence)}", err=True)
+        say(f"Error: {bounded(sentence)}", err=True)
 
     with written(tell):
         try:

@@ -17,6 +17,7 @@ import click
 from geometries import Actuator
 from measurement.ending import STOPPED, asked_to_stop, bounded, stoppable, written
 from measurement.output_option import FolderType
+from measurement.terminal import say
 from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
@@ -174,7 +175,7 @@ def fail(message: str, status: int = 2) -> NoReturn:
 def _tell(message: str) -> None:
     if speaks():
         with contextlib.suppress(OSError):  # nobody can be told
-            print(f"softmodels: {bounded(message)}", file=sys.stderr)
+            say(f"softmodels: {bounded(message)}", err=True)
 
 
 def main(command: click.Command) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from measurement.terminal import say
 from softmodels.cli.options import fail
 from softmodels.materials.casting import SILICONE_DENSITY, casting_of
 from softmodels.materials.homogeneous import nominal_stress
@@ -28,17 +29,17 @@ def silicones(products: tuple[str, ...]) -> None:
     for name in names:
         if name not in PRODUCTS:
             fail(f"{name!r} is no silicone of the library; known are {', '.join(PRODUCTS)}")
-    click.echo(HEAD)
+    say(HEAD)
     for name in names or PRODUCTS:
         for one in PRODUCTS[name]:
-            click.echo(_line(name, one))
+            say(_line(name, one))
             if names:
-                click.echo(_origin(one))
+                say(_origin(one))
         if names:
-            click.echo(f"  {spread_sentence(name)}")
-            click.echo(f"  {_weight(name)}")
+            say(f"  {spread_sentence(name)}")
+            say(f"  {_weight(name)}")
     if not names:
-        click.echo("softmodels silicones PRODUCT tells where and how each source was measured")
+        say("softmodels silicones PRODUCT tells where and how each source was measured")
 
 
 def _line(product: str, one: Silicone) -> str:
