@@ -7,6 +7,7 @@ whoever has it says otherwise with `call`. Choices that follow an option are its
 
 from __future__ import annotations
 
+import difflib
 import re
 import sys
 from collections.abc import Iterable
@@ -69,6 +70,15 @@ def at_command_line() -> bool:
     context = click.get_current_context(silent=True) if click else None
     module = getattr(getattr(context and context.command, "callback", None), "__module__", "")
     return module.split(".")[0] in OWN
+
+
+def meant(name: object, known: Iterable[str]) -> str:
+    """The end of a sentence: which of some names may have been meant; empty for none."""
+    if not isinstance(name, str):
+        return ""
+    names = {str(one).lower(): str(one) for one in known}
+    near = difflib.get_close_matches(name.lower(), names, 2, 0.6)
+    return f"; did you mean {' or '.join(names[one] for one in near)}?" if near else ""
 
 
 class Spoken:

@@ -178,6 +178,18 @@ def _tell(message: str) -> None:
             say(f"softmodels: {bounded(message)}", err=True)
 
 
+def _missing(error: click.MissingParameter) -> str:
+    """What to type, where a command was given too little: the examples of its help."""
+    context, said = error.ctx, error.format_message().rstrip(".").replace("Missing", "missing")
+    if context is None or context.command.help is None:
+        return f"{said} (see --help)"
+    lines = [" ".join(line.split()) for line in context.command.help.partition("Examples:")[2].splitlines()]
+    examples = [line for line in lines if line.startswith("softmodels ")][:3]
+    if not examples:
+        return f"{said} (see {context.command_path} --help)"
+    return f"{said}; for example: {' | '.join(examples)} (softmodels examples writes files to begin with; see --help)"
+
+
 def main(command: click.Command) -> None:
     """Run a click command; usage errors are one sentence and exit status 2, on one rank."""
     if not speaks():
@@ -197,6 +209,8 @@ def main(command: click.Command) -> None:
         except click.exceptions.NoArgsIsHelpError as error:
             print(error.format_message())
             sys.exit(2)
+        except click.MissingParameter as error:
+            fail(_missing(error))
         except click.ClickException as error:
             fail(f"{error.format_message()} (see --help)")
         finally:
