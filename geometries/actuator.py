@@ -24,6 +24,8 @@ from geometries.fields import settle
 from geometries.mirroring import Mirror
 from geometries.parting import Castable
 from geometries.presented import Presented
+from measurement.units import brief
+from measurement.wording import known_are
 
 __all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
 
@@ -86,13 +88,33 @@ class Actuator(Designable, Castable, Presented, ABC):
     meshed: ClassVar[bool] = False
     """Whether `build` leaves a mesh, which is taken as it is."""
 
+    @property
+    def meeting(self) -> tuple[str, ...] | None:
+        """Faces whose walls meet as the device moves, and press on each other unless a case says otherwise.
+
+        One text for each group of faces that may meet each other and themselves, with commas between them; empty where no
+        walls meet; None where only the mesh shows which do.
+        """
+        return ()
+
     def __post_init__(self) -> None:
         settle(self)
         self.check()
 
     @classmethod
     def variant(cls, name: str = "default", **changes: Any) -> Actuator:
-        """Return a named variant, with single parameters changed; KeyError for a name not in `variants`."""
+        """Return a named variant, with single parameters changed.
+
+        Args:
+            name: One of `variants`.
+            changes: Fields of the device that replace the variant's.
+
+        Raises:
+            ArgumentError: A field that the device does not have.
+            GeometryError: A name not in `variants`, or parameters that make no device.
+        """
+        if not isinstance(name, str) or name not in cls.variants:
+            raise GeometryError(f"{cls.__name__} has no variant {brief(name)}; {known_are(name, cls.variants)}")
         return cls(**{**cls.variants[name], **changes})
 
     @property

@@ -73,6 +73,7 @@ class Bellows(HeldTip, Revolved):
     faces: ClassVar = ("outer", "tip")
     unbonded: ClassVar = ()
     seen: ClassVar = ("tip", "outer")
+    meeting: ClassVar = ("outer", "cavity")
 
     def check(self) -> None:
         check_bellows(self)

@@ -63,6 +63,7 @@ class BendingBellows(Bending, MirroredHalf, HeldTip):
     faces: ClassVar = ("folds", "bottom", "tip", "outer")
     unbonded: ClassVar = ()
     regions: ClassVar = ("base",)
+    meeting: ClassVar = ("folds",)
     stiffer: ClassVar = "a thicker wall (--wall), a smaller radius (--radius)"
     examples: ClassVar = ("--folds 6 --depth 4mm", "--radius 8mm --wall 2mm --rim 2mm", "--part full")
     mesh_order: ClassVar = 2

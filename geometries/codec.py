@@ -9,6 +9,7 @@ from geometries.errors import FieldError
 from geometries.fields import about
 from geometries.kinds import Text
 from measurement.units import exact_text
+from measurement.wording import known_are
 
 
 def to_table(thing: Any, text: Text = exact_text) -> dict[str, Any]:
@@ -45,8 +46,8 @@ def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "")
     values = {}
     for key, value in table.items():
         if key not in names:
-            known = ", ".join(field.key or name for name, field in fields.items())
-            raise FieldError(f"{where} has an unknown entry {key!r}; known are {known}")
+            known = known_are(key, (field.key or name for name, field in fields.items()))
+            raise FieldError(f"{where} has an unknown entry {key!r}; {known}")
         if value is not None:
             name, factor = names[key]
             read = fields[name].kind.read(what + key.replace("_", " ") if what else key, value)

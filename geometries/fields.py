@@ -8,6 +8,7 @@ contact do the same.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -31,6 +32,7 @@ class About:
         per_option: Value in the file's unit of an option's 1, where the two are counted in different units.
         instead: Name of a list that takes its place once it has entries.
         shape: Whether it decides a device's shape, so that a design may vary it; cell sizes and the like do not.
+        usual: Largest number in the field's unit that is likely to be meant.
     """
 
     kind: Kind
@@ -41,6 +43,7 @@ class About:
     per_option: float = 1.0
     instead: str = ""
     shape: bool = True
+    usual: float = math.inf
 
     def idle(self, thing: Any) -> str:
         """Name of the field that makes this one mean nothing in a value of the dataclass; empty if it means something."""
@@ -57,6 +60,18 @@ def field_of(kind: Kind, text: str, default: Any = dataclasses.MISSING, **more: 
 def about(thing: Any) -> Mapping[str, About]:
     """What is known of the fields of a dataclass or of a value of one, by name."""
     return {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
+
+
+def doubt_of(thing: Any) -> str:
+    """Which number of a value of a dataclass is hardly meant: a sentence, empty if none."""
+    from measurement.units import example
+
+    for name, field in about(thing).items():
+        value, unit = getattr(thing, name), field.kind.unit
+        if isinstance(value, float) and abs(value) > field.usual:
+            of = f"{type(thing).__name__}: {name.replace('_', ' ')}"
+            return f"{of} is {value:g} {unit}; numbers are in {unit}, so write another unit as a text such as '{example(unit)}'"
+    return ""
 
 
 def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False, **more: Any) -> Any:

@@ -26,6 +26,10 @@ from measurement.user_file import GEOMETRY, check_file, read_file
 
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
 """Endings of the files that are read, and meshio's names for them."""
+FARTHEST = 1e3
+"""Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
+FLAT = 1e-9
+"""Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
 SAME = 1e-6
 """Corners of an STL file's triangles this near to each other, over its extent, are one."""
 FEATURE = math.radians(40.0)
@@ -196,8 +200,21 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], In
     triangles = [np.asarray(block.data, dtype=np.int64) for block in found.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
-    points, triangles_of_all = _joined(unit * np.asarray(found.points, dtype=float), np.concatenate(triangles))
+    places = unit * np.asarray(found.points, dtype=float)
+    extent = float(np.abs(places).max()) if np.isfinite(places).all() else math.inf
+    if extent > FARTHEST:
+        raise GeometryError(
+            f"file {file} has a corner {extent:.4g} m from its origin, and {FARTHEST:g} m are taken; check its unit, or repair "
+            "it in the program that wrote it"
+        )
+    points, triangles_of_all = _joined(places, np.concatenate(triangles))
     _check_closed(file, points, triangles_of_all)
+    a, b, c = np.moveaxis(points[triangles_of_all], 1, 0)
+    if (
+        not abs(np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0])))
+        > FLAT * np.ptp(points, axis=0).max() ** 3
+    ):
+        raise GeometryError(f"file {file} encloses no volume; repair it in the program that wrote it")
     return points, triangles_of_all
 
 

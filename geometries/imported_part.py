@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +19,33 @@ from measurement.user_file import file_digest
 
 BONDED = "bonded"
 """Role of the faces that a sheet can be bonded to."""
+
+
+def only_inner_shell[Shell](file: str, inner: Sequence[Shell], centre: Callable[[Shell], NDArray[np.float64]]) -> Shell:
+    """The wall of a part's only cavity.
+
+    Args:
+        file: The part's file.
+        inner: Walls of the part that are neither its outside nor joined to it.
+        centre: Gives the middle of a wall's box in m, shape (3,).
+
+    Raises:
+        GeometryError: There is none, or there are several; the message lists where they are.
+    """
+    if not inner:
+        raise GeometryError(
+            f"cavities is empty, and file {file} has no closed inner shell that could be the cavity: close its inlet where "
+            "it is drawn, or name the planes of a part that is cut"
+        )
+    if len(inner) > 1:
+        middles = sorted(tuple(1e3 * centre(shell)) for shell in inner)
+        places = "; ".join(", ".join(f"{value:.4g}" for value in middle) for middle in middles[:4])
+        places += "; ..." if len(inner) > 4 else ""
+        raise GeometryError(
+            f"cavities is empty, and file {file} has {len(inner)} closed inner shells, with their middles at {places} mm; "
+            "give a point in the air of each cavity, such as cavities = ['at 10, 0, 4 mm']"
+        )
+    return inner[0]
 
 
 def cavity_role(number: int) -> str:
@@ -47,7 +74,7 @@ class Reading:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedPart(Actuator):
-    """A part from a file, with one or more closed cavities.
+    """A part from a file, with one or more closed cavities; without ``cavities`` its only closed inner shell is the cavity.
 
     A half, a quarter or a wedge of a part is cut on planes through the origin (``planes``), which meet at 180/n degrees, and
     its cavities may be open there and nowhere else. Physical groups: volume "solid", or several by their names; surfaces
@@ -61,7 +88,9 @@ class ImportedPart(Actuator):
 
     file: str = text_field("", "the part's file")
     cavities: tuple[str, ...] = list_field(
-        (), "a point in the air of each cavity, such as 'at 10, 0, 4 mm', or faces of its wall, such as 'named chamber'"
+        (),
+        "a point in the air of each cavity, such as 'at 10, 0, 4 mm', or faces of its wall, such as 'named chamber'; "
+        "not needed where the part has exactly one closed inner shell",
     )
     support: str = text_field("", "held faces, such as 'x = 0 mm' or 'named flange'; three planes need none")
     bonded: str = text_field("", "faces that a sheet can be bonded to, such as 'coloured red'; none if not given")
@@ -78,24 +107,20 @@ class ImportedPart(Actuator):
 
     stem: ClassVar = "part"
     unbonded: ClassVar = ("outer",)
+    meeting: ClassVar = None
     kind: ClassVar[str] = "file"
     """What the file is, for messages."""
 
     def check(self) -> None:
         if not self.file:
             raise GeometryError(f"file is empty; name the part's {self.kind}")
-        if not self.cavities:
-            raise GeometryError(
-                "cavities is empty; give a point in the air of each, such as 'at 10, 0, 4 mm', or name its wall"
-            )
         if not self.support and len(self.planes) < 3:
             raise GeometryError("support is empty; say which faces are held, such as 'x = 0 mm'")
         if len(set(self.planes)) != len(self.planes) or len(self.planes) > 3:
             raise GeometryError(f"planes is {', '.join(self.planes)}; at most three, each once")
-        if self.pressure_ratios and len(self.pressure_ratios) != len(self.cavities):
-            raise GeometryError(
-                f"pressure_ratios has {len(self.pressure_ratios)} values for {len(self.cavities)} cavities; give one each"
-            )
+        if self.pressure_ratios and len(self.pressure_ratios) != self.cavity_count:
+            cavities = f"{self.cavity_count} cavit{'y' if self.cavity_count == 1 else 'ies'}"
+            raise GeometryError(f"pressure_ratios has {len(self.pressure_ratios)} values for {cavities}; give one each")
         if any(ratio < 0.0 for ratio in self.pressure_ratios) or not any(self.ratios):
             raise GeometryError("pressure_ratios must be 0 or more, and one of them above 0; suction is not modelled")
         self.check_cells()
@@ -151,7 +176,12 @@ class ImportedPart(Actuator):
 
     @property
     def ratios(self) -> tuple[float, ...]:
-        return self.pressure_ratios or (1.0,) * len(self.cavities)
+        return self.pressure_ratios or (1.0,) * self.cavity_count
+
+    @property
+    def cavity_count(self) -> int:
+        """Number of cavities; 1 where none is named, because then the file's only closed inner shell is the cavity."""
+        return max(len(self.cavities), 1)
 
     @property
     def size(self) -> float:

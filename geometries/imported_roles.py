@@ -16,7 +16,7 @@ import numpy as np
 
 from geometries.actuator import Vector
 from geometries.errors import GeometryError
-from geometries.imported_part import BONDED, cavity_role
+from geometries.imported_part import BONDED, cavity_role, only_inner_shell
 from geometries.imported_solids import Solids
 from geometries.selections import AXES, chosen, faces, point, surface_points
 from geometries.symmetry import check_slice
@@ -51,6 +51,10 @@ def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
         left = [tag for tag in left if tag not in roles[f"plane{i}"]]
     pieces = _pieces(left)
     outside = max(pieces, key=_size) if pieces else []
+    if not part.cavities:
+        inner = [piece for piece in pieces if piece is not outside]
+        roles[cavity_role(0)] = only_inner_shell(part.file, inner, lambda piece: _box(piece).mean(axis=0))
+        left = [tag for tag in left if tag not in roles[cavity_role(0)]]
     for i, text in enumerate(part.cavities):
         by_point = re.match(r"\s*at\b", text)
         wall = _around(pieces, solids, text) if by_point else _with_faces(pieces, part, text, left, solids)
@@ -169,7 +173,12 @@ def _with_faces(
 
 
 def _size(piece: list[int]) -> float:
+    return float(np.linalg.norm(np.ptp(_box(piece), axis=0)))
+
+
+def _box(piece: list[int]) -> np.ndarray:
+    """Lowest and highest corner of some faces' box in m, shape (2, 3)."""
     import gmsh
 
     boxes = np.array([gmsh.model.occ.getBoundingBox(2, tag) for tag in piece])
-    return float(np.linalg.norm(boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)))
+    return np.array([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])

@@ -59,7 +59,7 @@ def _read(part: ImportedActuator) -> Reading:
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
-        volumes = tuple(_enclosed(solids, roles[cavity_role(i)]) for i in range(len(part.cavities)))
+        volumes = tuple(_enclosed(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
         return Reading(
             outward(part, solids, roles),
             _gauge(part, roles.get("support", [])),

@@ -15,6 +15,7 @@ from typing import ClassVar
 
 from geometries.errors import FieldError
 from measurement import wording
+from measurement.wording import meant
 
 Text = Callable[[float, str], str]
 """Writes a number of a unit, as `measurement.units.exact_text` does for files and `readable` for people."""
@@ -42,6 +43,13 @@ def shown(value: object, unit: str) -> str:
     from measurement.units import readable  # not above: whoever imports the devices need not have pint
 
     return readable(value, unit)
+
+
+def _given(value: object) -> str:
+    """A value that is refused, for its sentence."""
+    from measurement.units import brief  # not above, as in `shown`
+
+    return brief(value)
 
 
 class Kind(abc.ABC):
@@ -79,12 +87,25 @@ class Quantity(Kind):
     unit: str = ""
 
     def settled(self, name: str, value: object) -> float:
+        if isinstance(value, str):
+            return Quantity.read(self, name, value)
         if not isinstance(value, numbers.Real) or isinstance(value, bool):
-            raise FieldError(f"{name} is {value!r}; it must be a number{' in ' + self.unit if self.unit else ''}")
-        plain = float(value)
+            raise FieldError(f"{name} is {_given(value)}; it must be {self._wanted}")
+        try:
+            plain = float(value)
+        except OverflowError:
+            plain = math.inf
         if not math.isfinite(plain):
-            raise FieldError(f"{name} is {plain}; it must be a finite number")
+            raise FieldError(f"{name} is {_given(value)}; it must be a finite number")
         return plain
+
+    @property
+    def _wanted(self) -> str:
+        if not self.unit:
+            return "a number"
+        from measurement.units import example
+
+        return f"a number in {self.unit}, or a text with a unit such as '{example(self.unit)}'"
 
     def read(self, name: str, value: object) -> float:
         from measurement.units import UnitError, brief, quantity
@@ -155,11 +176,13 @@ class Choice(Kind):
 
     def settled(self, name: str, value: object) -> str | int | float:
         for known in self.choices:
-            if value == known and not isinstance(value, bool):
+            if isinstance(value, str | numbers.Real) and value == known and not isinstance(value, bool):
                 return known
         if ends := self.ends:
-            raise FieldError(f"{name} is {value!r}; it must be a whole number from {ends[0]} to {ends[1]}")
-        raise FieldError(f"{name} is {value!r}; it must be one of {', '.join(map(str, self.choices))}")
+            raise FieldError(f"{name} is {_given(value)}; it must be a whole number from {ends[0]} to {ends[1]}")
+        names = [str(known) for known in self.choices]
+        more = meant(value, names) if isinstance(value, str) else ""
+        raise FieldError(f"{name} is {_given(value)}; it must be one of {', '.join(names)}{more}")
 
     @property
     def ends(self) -> tuple[int, int] | None:
@@ -176,7 +199,7 @@ class Words(Kind):
 
     def settled(self, name: str, value: object) -> str:
         if not isinstance(value, str):
-            raise FieldError(f"{name} is {value!r}; it must be a text")
+            raise FieldError(f"{name} is {_given(value)}; it must be a text")
         return value
 
 
@@ -186,7 +209,7 @@ class Flag(Kind):
 
     def settled(self, name: str, value: object) -> bool:
         if not isinstance(value, bool):
-            raise FieldError(f"{name} is {value!r}; it must be true or false")
+            raise FieldError(f"{name} is {_given(value)}; it must be true or false")
         return value
 
 
@@ -202,15 +225,15 @@ class Several(Kind):
         object.__setattr__(self, "unit", self.of.unit)
 
     def settled(self, name: str, value: object) -> tuple[object, ...]:
+        if not isinstance(value, str | list | tuple) and hasattr(value, "tolist"):  # an array
+            value = value.tolist()
         if not isinstance(value, list | tuple) or not all(isinstance(item, self._wanted) for item in value):
             raise self._refused(name, value)
         if any(isinstance(item, bool) for item in value):
             raise self._refused(name, value)
-        if self.unit:
-            return tuple(self.of.settled(f"{name}[{place}]", item) for place, item in enumerate(value, 1))
-        if isinstance(self.of, Quantity) and not all(math.isfinite(item) for item in value):
-            raise FieldError(f"{name} is {value!r}; it must hold finite numbers")
-        return tuple(item if isinstance(self.of, Words) else float(item) for item in value)
+        if isinstance(self.of, Words):
+            return tuple(value)
+        return tuple(self.of.settled(f"{name}[{place}]", item) for place, item in enumerate(value, 1))
 
     def read(self, name: str, value: object) -> object:
         if not self.unit:
@@ -223,9 +246,9 @@ class Several(Kind):
         return [self.of.write(item, text) for item in value] if isinstance(value, tuple) else value
 
     @property
-    def _wanted(self) -> type:
-        return str if isinstance(self.of, Words) else numbers.Real
+    def _wanted(self) -> tuple[type, ...]:
+        return (str,) if isinstance(self.of, Words) else (numbers.Real, str)
 
     def _refused(self, name: str, value: object) -> FieldError:
         what = "texts" if isinstance(self.of, Words) else f"numbers in {self.unit}" if self.unit else "numbers"
-        return FieldError(f"{name} is {value!r}; it must be a list of {what}, such as [...]")
+        return FieldError(f"{name} is {_given(value)}; it must be a list of {what}, such as [...]")

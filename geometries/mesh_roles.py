@@ -15,7 +15,7 @@ import numpy as np
 
 from geometries.actuator import Vector
 from geometries.errors import GeometryError
-from geometries.imported_part import BONDED, cavity_role
+from geometries.imported_part import BONDED, cavity_role, only_inner_shell
 from geometries.selections import AXES, TILT, faces, listed, point
 from geometries.symmetry import check_slice
 from geometries.tetrahedra import Ints, Tetrahedra
@@ -40,6 +40,10 @@ def find_roles(part: ImportedMesh, mesh: Tetrahedra) -> dict[str, Ints]:
         left = np.setdiff1d(left, roles[f"plane{i}"])
     pieces = mesh.pieces(left)
     outside = max(pieces, key=lambda piece: _size(mesh, piece)) if pieces else left
+    if not part.cavities:
+        inner = [piece for piece in pieces if piece is not outside]
+        roles[cavity_role(0)] = only_inner_shell(part.file, inner, lambda piece: _middle(mesh, piece))
+        left = np.setdiff1d(left, roles[cavity_role(0)])
     for i, text in enumerate(part.cavities):
         by_point = re.match(r"\s*at\b", text)
         wall = _around(mesh, pieces, text) if by_point else _with_faces(part, mesh, pieces, text, left)
@@ -144,10 +148,11 @@ def cavity_volumes(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Int
     Raises:
         GeometryError: A wall that encloses nothing.
     """
-    volumes = tuple(mesh.enclosed(roles[cavity_role(i)]) for i in range(len(part.cavities)))
-    for text, volume in zip(part.cavities, volumes, strict=True):
+    volumes = tuple(mesh.enclosed(roles[cavity_role(i)]) for i in range(part.cavity_count))
+    for i, volume in enumerate(volumes):
         if not volume > 0.0:
-            raise GeometryError(f"cavities has {text!r}; its wall encloses no air, so the mesh is no solid around it")
+            what = f"cavities has {part.cavities[i]!r}" if part.cavities else "the part has one closed inner shell"
+            raise GeometryError(f"{what}; its wall encloses no air, so the mesh is no solid around it")
     return volumes
 
 
@@ -176,6 +181,12 @@ def _with_faces(part: ImportedMesh, mesh: Tetrahedra, pieces: list[Ints], text: 
     """The piece of wall that the picked triangles belong to, or several if they do."""
     picked = _some(part, mesh, f"cavities has {text!r}", "cavities", text, left)
     return np.concatenate([piece for piece in pieces if np.isin(piece, picked).any()])
+
+
+def _middle(mesh: Tetrahedra, piece: Ints) -> np.ndarray:
+    places = mesh.corners[piece].reshape(-1, 3)
+    middle: np.ndarray = (places.min(axis=0) + places.max(axis=0)) / 2
+    return middle
 
 
 def _size(mesh: Tetrahedra, piece: Ints) -> float:

@@ -105,6 +105,10 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
         return ("base", "paper") if self.paper else ("base",)
 
     @property
+    def meeting(self) -> tuple[str, ...]:
+        return ("chamber_walls",) if self.gap else ()
+
+    @property
     def expected_cells(self) -> float:
         return plan.expected_cells(self)
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import importlib
+import inspect
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
+
+from measurement.arguments import checked
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator
@@ -51,6 +56,23 @@ ACTUATORS = Devices()
 """Every device by the name of its class."""
 
 
+def _list_variant_fields(device: type[Actuator]) -> None:
+    """Give the device's `Actuator.variant` a signature with its fields, which an editor's Tab completes."""
+    plain = inspect.unwrap(device.variant.__func__)  # type: ignore[attr-defined]
+
+    @functools.wraps(plain)
+    def variant(cls: type[Actuator], name: str = "default", **changes: object) -> Actuator:
+        return plain(cls, name, **changes)
+
+    kinds = inspect.Parameter
+    given = [kinds("cls", kinds.POSITIONAL_OR_KEYWORD), kinds("name", kinds.POSITIONAL_OR_KEYWORD, default="default")]
+    fields = [
+        kinds(one.name, kinds.KEYWORD_ONLY, default=one.default) for one in dataclasses.fields(device) if one.init
+    ]
+    variant.__signature__ = inspect.Signature([*given, *fields])  # type: ignore[attr-defined]
+    device.variant = classmethod(checked(variant))  # type: ignore[assignment]
+
+
 def register[Device: type[Actuator]](device: Device) -> Device:
     """Let settings files and command lines find a device by the name of its class; a class decorator.
 
@@ -65,5 +87,6 @@ def register[Device: type[Actuator]](device: Device) -> Device:
         place = (known.__module__, known.__qualname__)
     if place != (device.__module__, device.__qualname__):
         raise ValueError(f"there is a device of the name {name!r} already, in {place[0]}")
-    ACTUATORS.loaded[name] = device
+    ACTUATORS.loaded[name] = checked(device)
+    _list_variant_fields(device)
     return device

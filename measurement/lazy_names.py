@@ -6,6 +6,8 @@ import importlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
 
+from measurement.wording import meant
+
 
 def lazy_names(
     package: str, places: Mapping[str, Sequence[str]]
@@ -21,7 +23,7 @@ def lazy_names(
 
     def load(name: str) -> object:
         if name not in module_of:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{meant(name, module_of)}")
         namespace[name] = value = getattr(importlib.import_module(module_of[name]), name)
         return value
 

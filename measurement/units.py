@@ -15,6 +15,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from measurement.common_units import FACTORS
+from measurement.wording import meant
 
 if TYPE_CHECKING:
     import pint
@@ -54,11 +55,14 @@ def brief(value: object) -> str:
         return "a table"
     if isinstance(value, list | tuple) and len(value) > 8:
         return f"a list of {len(value)} entries"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
     try:
         text = repr(value)
-    except (ValueError, RecursionError):  # integers of thousands of digits, lists in lists in lists
-        return "a value too long to show"
+    except Exception:  # integers of thousands of digits, lists in lists in lists, objects of anybody's
+        return f"a value of the class {type(value).__name__} that cannot be shown"
     count = len(value) if isinstance(value, str) else len(text)
+    text = text if isinstance(value, str) else " ".join(text.split())  # arrays have lines
     return text if count <= 80 else f"{text[:60]}… ({count} characters)"
 
 
@@ -113,9 +117,7 @@ def quantity(text: str | float, unit: str) -> float:
         UnitError: No number, a decimal comma, several numbers, no unit where one is needed, an unknown unit or one of
             another kind, or a value that is not finite.
     """
-    example = {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml", "N/m": "50kN/m",
-               "m^2": "18mm^2"}.get(unit, f"1 {unit}".strip())  # fmt: skip
-    hint = f"; write it like {example}" if unit else ""
+    hint = f"; write it like {example(unit)}" if unit else ""
     if isinstance(text, str):
         read, written = _split(text, "a number with a unit" if unit else "a number", hint)
     else:
@@ -132,6 +134,12 @@ def quantity(text: str | float, unit: str) -> float:
     return value
 
 
+def example(unit: str) -> str:
+    """A quantity of a unit, as a message shows it."""
+    return {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml", "N/m": "50kN/m",
+            "m^2": "18mm^2", "kg": "20g"}.get(unit, f"1 {unit}".strip())  # fmt: skip
+
+
 def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> float:
     """A number in one unit as one in another, by Pint.
 
@@ -142,7 +150,7 @@ def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> f
 
     known = _unit(written)
     if known is None:
-        raise UnitError(f"{shown} has an unknown unit, {brief(written)}{hint}")
+        raise UnitError(f"{shown} has an unknown unit, {brief(written)}{hint}{meant(written, FACTORS.get(unit, ()))}")
     try:
         if bool(_ANGLES & set(known._units)) != (unit == "degree"):  # to Pint an angle is a pure number
             raise pint.DimensionalityError(known, unit)

@@ -81,6 +81,18 @@ def meant(name: object, known: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(names[one] for one in near)}?" if near else ""
 
 
+def known_are(name: object, known: Iterable[str], more: str = "") -> str:
+    """The end of a sentence: what there is, and what may have been meant.
+
+    Args:
+        name: What was given.
+        known: What there is.
+        more: What there is beside that, begun with a comma.
+    """
+    names = list(dict.fromkeys(known))
+    return f"known are {', '.join(names)}{more}{meant(name, names)}" if names else "there are none"
+
+
 class Spoken:
     """An error whose sentence is read in the words of its reader. It stands in front of the exception it is."""
 

@@ -19,6 +19,7 @@ from measurement.lazy_names import lazy_names
 __version__ = "0.1.0"
 
 _PLACES = {
+    "measurement.arguments": ("ArgumentError", "ImplausibleWarning"),
     "measurement.folder_lock": ("InUseError",),
     "measurement.own_folder": ("OwnFolderError",),
     "geometries": (
@@ -61,6 +62,8 @@ _PLACES = {
     "softmodels.fitting.problem": ("FitError",),
     "softmodels.fitting.options": ("FitOptions",),
     "softmodels.fitting.outlines.fit_device": ("fit", "fit_heights"),
+    "softmodels.fitting.curves.curve": ("TensileCurve",),
+    "softmodels.fitting.curves.columns": ("TensileError",),
     "softmodels.fitting.curves.fit_curves": ("fit_curves",),
     "softmodels.fitting.score_materials": ("score",),
     "softmodels.fitting.scoring": ("Score",),
@@ -93,6 +96,8 @@ if TYPE_CHECKING:
     from geometries import MeshingError as MeshingError
     from geometries import PneuNet as PneuNet
     from geometries import SeminarActuator as SeminarActuator
+    from measurement.arguments import ArgumentError as ArgumentError
+    from measurement.arguments import ImplausibleWarning as ImplausibleWarning
     from measurement.folder_lock import InUseError as InUseError
     from measurement.own_folder import OwnFolderError as OwnFolderError
     from softmodels.case.case import Case as Case
@@ -103,6 +108,8 @@ if TYPE_CHECKING:
     from softmodels.design.mould.settings import MouldError as MouldError
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem
+    from softmodels.fitting.curves.columns import TensileError as TensileError
+    from softmodels.fitting.curves.curve import TensileCurve as TensileCurve
     from softmodels.fitting.curves.fit_curves import fit_curves as fit_curves
     from softmodels.fitting.options import FitOptions as FitOptions
     from softmodels.fitting.outlines.fit_device import fit as fit

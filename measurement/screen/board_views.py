@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from measurement.camera.camera import Points
 from measurement.camera.picture_file import PictureError, read_pixels
 from measurement.cores import cores
-from measurement.screen.boards import find_chessboard
+from measurement.screen.boards import GridPoints, find_chessboard
 from measurement.screen.grid_error import GridError
 
 
@@ -52,7 +52,7 @@ def seen_boards(
     views: list[BoardView] = []
     refused: dict[str, str] = {}
     first: dict[bytes, str] = {}
-    searches = []
+    searches: list[tuple[str, NDArray[np.uint8], Future[GridPoints]]] = []
     with ThreadPoolExecutor(cores()) as pool:  # OpenCV lets other threads run
         for path in paths:
             try:

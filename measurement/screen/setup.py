@@ -16,6 +16,7 @@ from measurement.camera.camera import Camera, CameraError, Points, as_points
 from measurement.screen.plane import Plane
 from measurement.toml_file import TomlError, numbers, parse_toml, read_toml
 from measurement.units import brief, number
+from measurement.wording import known_are
 
 VERSION = 1
 """Version of the setup file; one that means something else by its numbers gets another."""
@@ -203,7 +204,7 @@ class Setup:
         known = {"version"} | {field.name for field in dataclasses.fields(cls)}
         for name in table:
             if name not in known:
-                raise SetupError(f"the setup has an unknown field {name!r}; known are {', '.join(sorted(known))}")
+                raise SetupError(f"the setup has an unknown field {name!r}; {known_are(name, sorted(known))}")
         roi, colour = table.get("roi"), table.get("shadow_colour")
         if (roi is not None and len(roi) != 4) or (colour is not None and len(colour) != 3):
             raise SetupError("the setup's roi needs four numbers and its shadow_colour three")

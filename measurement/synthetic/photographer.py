@@ -20,6 +20,7 @@ from PIL import ExifTags
 from PIL import Image as Files
 
 from measurement.synthetic.light import Array, Image, Rays, bent, gridded, lamp, screen, shadowed, speck, straightened
+from measurement.wording import known_are
 
 
 class SceneError(ValueError):
@@ -286,7 +287,7 @@ def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | N
     }
     for name, value in (exif or {}).items():
         if name not in places:
-            raise SceneError(f"a photograph has no field {name!r}; known are {', '.join(places)}")
+            raise SceneError(f"a photograph has no field {name!r}; {known_are(name, places)}")
         table, tag = places[name]
         table[tag] = value
     options: dict[str, Any] = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import re
+import types
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -14,28 +15,32 @@ from geometries.fields import About
 from geometries.foreign_meshes import FORMATS
 from geometries.kinds import Choice, Flag, Kind, Quantity
 from measurement import wording
+from measurement.arguments import checked, one_of, several
 from measurement.toml_file import TomlError, parse_toml, read_toml
-from measurement.units import WATER_DENSITY, exact_text
-from measurement.wording import meant
+from measurement.units import WATER_DENSITY, brief, exact_text
+from measurement.wording import known_are, meant
 from softmodels.case import gauges as gauge_tables
-from softmodels.case.entries import MISSING, Entry, Part, SeriesKind, Supply, Tables, Value, table_of
+from softmodels.case.entries import MISSING, Entry, SeriesKind, Supply, Tables, Value, table_of
+from softmodels.case.entries import Part as PartEntry
 from softmodels.case.errors import PART_ERRORS, CaseError
 from softmodels.case.gauges import Gauges
 from softmodels.case.load import STIFFNESS_RANGE, Load
 from softmodels.case.load_request import LoadRequest, LoadRequestEntry
 from softmodels.case.material_check import check_materials
-from softmodels.case.material_errors import ErrorsEntry, MaterialErrors
+from softmodels.case.material_errors import AnyBand, ErrorsEntry, MaterialErrors, SourceBand
 from softmodels.case.material_table import DEFAULT
-from softmodels.case.parts_entry import Parts, PartsEntry, check_parts
+from softmodels.case.parts_entry import Parts, PartsEntry, check_parts, with_walls
 from softmodels.case.pressures_entry import Pressures
 from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntry, NameEntry, ProgramEntry
 from softmodels.materials.laws import Material
+from softmodels.materials.silicones import material_of
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.methods import METHODS
+from softmodels.mechanics.parts import Part
 from softmodels.mechanics.sheet import Sheet
 from softmodels.path.air_supply import AirSupply
-from softmodels.path.program import Program
+from softmodels.path.program import Program, Series
 
 __all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "entries"]
 
@@ -67,6 +72,7 @@ def _series(key: str, what: str, text: str, kind: type[Value] = Value) -> tuple[
     return dataclasses.field(default=(), metadata=_written(entry))
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Case:
     """A run.
@@ -88,7 +94,8 @@ class Case:
         obstacle: A rigid plane that faces of the device come to rest on.
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
         parts: What else is added to the device; see `softmodels.mechanics.parts`.
-        band: Errors of the material, whose 95 % band is told of every state; None for none.
+        band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
+            solved too; None for neither.
         driven: Requested forces, or travels, of a dead load among these.
         solver: How linear equations are solved; no number depends on it.
 
@@ -113,7 +120,7 @@ class Case:
         "solver", "formulation", Choice(FORMULATIONS),
         "displacement and pressure, or displacement alone (compressible studies)", "mixed",
     )  # fmt: skip
-    sheet: Sheet | None = dataclasses.field(default=None, metadata=_written(Part(Sheet)))
+    sheet: Sheet | None = dataclasses.field(default=None, metadata=_written(PartEntry(Sheet)))
     strokes_ml: tuple[float, ...] = _series(
         "stroke_ml",
         "stroke",
@@ -126,10 +133,10 @@ class Case:
         False, hidden=True,
     )  # fmt: skip
     program: Program = dataclasses.field(default=(), metadata=_written(ProgramEntry()))
-    obstacle: Obstacle | None = dataclasses.field(default=None, metadata=_written(Part(Obstacle)))
+    obstacle: Obstacle | None = dataclasses.field(default=None, metadata=_written(PartEntry(Obstacle)))
     gauges: Gauges = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
     parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
-    band: MaterialErrors | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
+    band: AnyBand | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
     driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
     solver: str = _value(
         "solver", "method", Choice(METHODS),
@@ -140,17 +147,15 @@ class Case:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
-            raise CaseError(f"name {self.name!r} cannot name files; use letters, digits, '_', '-', '+' and '.'")
+            raise CaseError(f"name {brief(self.name)} cannot name files; use letters, digits, '_', '-', '+' and '.'")
         try:
-            for name, entry in entries().items():
-                if isinstance(entry, Value):
-                    object.__setattr__(self, name, entry.settled(getattr(self, name)))
+            self._settle()
             self.load.check(self.actuator)
             for part in (self.sheet, self.obstacle):
                 if part is not None:
                     part.check_on(self.actuator)
             self.gauges.check(self.actuator)
-            object.__setattr__(self, "parts", tuple(self.parts))
+            object.__setattr__(self, "parts", with_walls(self.parts, self.actuator))
             check_parts(self.parts, self.actuator)
             check_materials(self.material, self.parts, self.formulation)
             if self.band is not None:
@@ -160,6 +165,24 @@ class Case:
             check_rest(self.material)
         except PART_ERRORS as error:
             raise CaseError(str(error)) from None
+
+    def _settle(self) -> None:
+        """Make each field what it has to be: texts with units are read, a silicone's name is its material.
+
+        Raises:
+            ArgumentError, or an error of `PART_ERRORS`: It cannot be that.
+        """
+        for name, entry in entries().items():
+            if isinstance(entry, Value):
+                object.__setattr__(self, name, entry.settled(getattr(self, name)))
+        one_of("device", self.actuator, Actuator, "a device, such as sm.HollowDisk()")
+        object.__setattr__(self, "material", material_of("material", self.material))
+        object.__setattr__(self, "parts", several("parts", self.parts, Part, "a part, such as sm.Gravity('-z')"))
+        object.__setattr__(self, "program", several("program", self.program, Series, "a series of a program"))
+        for name, (kinds, wanted) in _KINDS.items():
+            one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
+        if self.gauges is None:
+            object.__setattr__(self, "gauges", gauge_tables.NONE)
 
     # -- the load -----------------------------------------------------------------------------------------------------
 
@@ -271,6 +294,17 @@ def _check_case_file(path: Path) -> None:
         raise CaseError(f"case file {path} cannot be read (No such file or directory){near}")
 
 
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "sheet": ((Sheet,), "a sheet, such as sm.Sheet('top', '20 kN/m')"),
+    "obstacle": ((Obstacle,), "an obstacle, such as sm.Obstacle('top', 'z = 9 mm')"),
+    "supply": ((AirSupply,), "a supply of air, such as sm.Syringe()"),
+    "gauges": ((Gauges,), "gauges"),
+    "band": ((MaterialErrors, SourceBand), "errors of the material as a fit gives them, or the name of a silicone"),
+    "driven": ((LoadRequest,), "requested values of a load"),
+}
+"""Fields that hold a value of a class, or nothing."""
+
+
 def entries() -> dict[str, Entry[Any]]:
     """How each field of a case is written, by name."""
     return {field.name: field.metadata["entry"] for field in dataclasses.fields(Case)}
@@ -300,7 +334,7 @@ def _check_tables(tables: Tables) -> None:
 def _known(table: Mapping[str, object], where: str, names: tuple[str, ...]) -> None:
     for key in table:
         if key not in names:
-            raise CaseError(f"{where} has an unknown entry {key!r}; known are {', '.join(dict.fromkeys(names))}")
+            raise CaseError(f"{where} has an unknown entry {key!r}; {known_are(key, names)}")
 
 
 def _found(tables: Tables, folder: Path | None) -> Tables:

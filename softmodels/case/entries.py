@@ -16,6 +16,7 @@ from geometries import Actuator, codec
 from geometries.errors import FieldError
 from geometries.fields import About, about
 from geometries.kinds import Choice, Flag, Kind, Text, Words
+from measurement.wording import known_are
 from softmodels.case.ranges import series
 from softmodels.path.air_supply import SUPPLIES, AirSupply, SupplyError
 from softmodels.path.syringe import Syringe
@@ -106,8 +107,8 @@ class Entry[V](abc.ABC):
 class SeriesKind(Kind):
     """Requested values."""
 
-    def settled(self, name: str, value: object) -> object:
-        return value
+    def settled(self, name: str, value: object) -> tuple[float, ...]:
+        return () if isinstance(value, tuple) and not value else series(value, name)
 
     def read(self, name: str, value: object) -> tuple[float, ...]:
         return series(value, name)
@@ -288,7 +289,7 @@ class Supply(Entry[AirSupply | None]):
 
 def _supply(name: object) -> type[AirSupply]:
     if not isinstance(name, str) or name not in SUPPLIES:
-        raise SupplyError(f"supply {name!r} is unknown; known are {', '.join(SUPPLIES)}")
+        raise SupplyError(f"supply {name!r} is unknown; {known_are(name, SUPPLIES)}")
     return SUPPLIES[name]
 
 

@@ -25,6 +25,7 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
 from geometries.selections import faces, point
+from measurement.arguments import checked
 from measurement.wording import Spoken
 
 Array = npt.NDArray[np.float64]
@@ -37,6 +38,7 @@ class GaugeError(Spoken, ValueError):
     """Points, angles or a profile that cannot be told; the message is a sentence for the user."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Gauges:
     """Points by name, angles by name as one or two lines from point to point, and the plane of the profile.
@@ -86,10 +88,15 @@ class Gauges:
         return found.normal, found.at
 
     def columns(self) -> list[str]:
-        """Columns that it adds to ``path.csv``."""
+        """Columns that it adds to ``path.csv`` and that change along a path: places and angles."""
         return [f"{name}_{axis}_mm" for name, _ in self.points for axis in "xyz"] + [
             f"{name}_deg" for name, _ in self.angles
         ]
+
+    @property
+    def off_columns(self) -> dict[str, str]:
+        """Columns with how far the followed place lies from the point that was named, by the point's name."""
+        return {name: f"{name}_off_mm" for name, _ in self.points}
 
     def check(self, actuator: Actuator) -> None:
         """Refuse names whose columns the device or every run has.
@@ -98,7 +105,7 @@ class Gauges:
             GaugeError: A name that is taken.
         """
         taken = {*actuator.device_figures(actuator.probes), *(f"max_stretch_{axis}_mm" for axis in "xyz")}
-        for column in self.columns():
+        for column in (*self.columns(), *self.off_columns.values()):
             if column in taken:
                 raise GaugeError(
                     f"{column} is a column of its own in path.csv; take another name in [points] or [angles]"
@@ -116,6 +123,8 @@ class Gauges:
         found = {
             f"{name}_{axis}_mm": float(now[name][i]) * 1e3 for name, _ in self.points for i, axis in enumerate("xyz")
         }
+        wanted = self.places
+        found |= {column: 1e3 * math.dist(rest[name], wanted[name]) for name, column in self.off_columns.items()}
         for name, lines in self.angles:
             first, *second = ([now[b] - now[a], np.asarray(rest[b]) - np.asarray(rest[a])] for a, b in lines)
             found[f"{name}_deg"] = _angle(first[0], second[0][0]) if second else _turned(first[1], first[0], lift)
@@ -156,11 +165,11 @@ def to_tables(gauges: Gauges) -> dict[str, Mapping[str, object]]:
     return {name: table for name, table in tables.items() if table}
 
 
-def followed_text(name: str, place: Sequence[float], away: float) -> str:
-    """Where a point is followed, and how far from where it was named (m): a sentence."""
-    where = ", ".join(f"{1e3 * value:.5g}" for value in place)
+def followed_text(name: str, away: float, place: Sequence[float] = ()) -> str:
+    """How far from where it was named (m) a point is followed: a sentence, with the undeformed place if that is given."""
+    where = f" {', '.join(f'{1e3 * value:.5g}' for value in place)} mm," if len(place) else ""
     near = "on the surface" if away < 1e-9 else f"the nearest place of the modelled surface, {away * 1e3:.3g} mm away"
-    return f"point {name} is followed at {where} mm, {near}"
+    return f"point {name} is followed at{where} {near}"
 
 
 def _lines(name: str, value: object) -> tuple[Line, ...]:

@@ -47,6 +47,8 @@ def _texts(name: str, value: object) -> Iterator[tuple[str, str]]:
     if name:
         yield name, type(value).__name__
     for field in dataclasses.fields(value):
+        if not field.compare:
+            continue
         yield from _texts(f"{name}.{field.name}" if name else field.name, getattr(value, field.name))
 
 

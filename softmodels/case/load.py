@@ -139,7 +139,10 @@ class Load:
         if self.cycle and self.control != "auto":
             raise CaseError("--cycle chooses by itself what it follows; leave out --control")
         self._check_supply(actuator)
-        if self.supply is not None and any(isinstance(part, LoadPart) for part in self.parts):
+        self._check_lifted()
+        if self.supply is not None and any(
+            isinstance(part, LoadPart) and not part.idle(self.parts) for part in self.parts
+        ):
             raise CaseError(
                 "the strokes of a supply are counted from the undeformed cavity, and a device with weights or forces begins "
                 "from another; request pressures or added volumes"
@@ -153,6 +156,16 @@ class Load:
     def _remembering(self) -> str:
         """The table of a part whose forces depend on the states before; empty if none do."""
         return next((part.where for part in self.parts if part.remembers), "")
+
+    def _check_lifted(self) -> None:
+        """Refuse shares of a gravity that pulls at a mass which the device lifts: it weighs by the whole of it."""
+        lifted = next((part.where for part in self.parts if part.lifted and part.weighs), "")
+        shared = any(series.target == "gravity" for series in self.program)
+        if lifted and (shared or (self.driven is not None and self.driven.key == "share")):
+            raise CaseError(
+                f"{lifted} has a mass that weighs by the whole of gravity, and shares of the weight are requested; leave out "
+                "the shares, or the mass"
+            )
 
     def check_band(self) -> None:
         """Refuse a load whose states are not those of one pressure or volume.

@@ -8,6 +8,7 @@ from collections.abc import Iterator, MutableMapping
 from geometries.errors import FieldError
 from geometries.fields import About
 from geometries.kinds import Quantity, Text, Words
+from measurement.arguments import checked
 from softmodels.case.entries import MISSING, Entry, Missing, Option, SeriesKind, Tables, Written, table_of
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.parts import Part
@@ -26,6 +27,7 @@ OPTIONS = {"share": "weight_share"}
 """Names of the options where they are not the key."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class LoadRequest:
     """Requested values of one dead load, all others kept.

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 
 from softmodels.case.errors import CaseError
-from softmodels.materials.material import Material
+from softmodels.materials.material import SOFTEST, Material
 from softmodels.mechanics.parts import Part
 from softmodels.mechanics.regions import RegionPart
 
-MODULI = (500.0, 5e6)
+MODULI = (SOFTEST, 5e6)
 """Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
 MOST_APART = 1e6
 """Shear modulus of a region over the main one's up to which the equations are solved to their usual digits."""

@@ -1,4 +1,4 @@
-"""Errors of a fitted material: the covariance of its parameters, as ``softmodels fit`` leaves it, and a case's table."""
+"""What is not known of a material: the covariance of a fitted one's parameters, the sources of a named one; a case's table."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ import numpy.typing as npt
 from geometries.errors import FieldError
 from geometries.fields import About
 from geometries.kinds import Text, Words
+from measurement.arguments import checked
 from measurement.toml_file import TomlError, read_toml
 from measurement.user_file import read_text
 from softmodels.case import material_table
 from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
 from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.silicones import PRODUCTS, named, silicone_called
+from softmodels.materials.spread import product_of, source_names, spanning
 from softmodels.mechanics.sensitivity import known_parameters
 
 WIDTH_95 = 2 * 1.959964
 """Standard deviations in a 95 % interval."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class MaterialErrors:
     """How uncertain a material is.
@@ -100,6 +104,69 @@ class MaterialErrors:
             )
 
 
+@dataclasses.dataclass(frozen=True)
+class SourceBand:
+    """The sources of a named silicone, each of which a case is solved with.
+
+    Attributes:
+        product: The silicone's name without a source.
+    """
+
+    product: str
+
+    def __post_init__(self) -> None:
+        if self.product not in PRODUCTS:
+            raise MaterialError(f"silicone {self.product!r} is unknown; known are {', '.join(PRODUCTS)}")
+        if not spanning(self.product):
+            raise MaterialError(
+                f"{self.product} has one source here, so there is no band of its sources; leave out --band, or fit a cast of "
+                "your own"
+            )
+
+    @property
+    def how(self) -> str:
+        """What it is, a clause."""
+        return f"the sources of {self.product}"
+
+    def check(self, material: Material) -> None:
+        """Refuse another material than this silicone.
+
+        Raises:
+            MaterialError: It is none of the sources.
+        """
+        name = named(material)
+        if name is None or product_of(name) != self.product:
+            raise MaterialError(
+                f"the band is that of the sources of {self.product}, and the case's material is none of them; take that "
+                f"silicone (--material {self.product}), or leave out --band"
+            )
+
+    def others(self, material: Material) -> dict[str, Material]:
+        """The other sources by name, from the softest to the stiffest, with a material's own Poisson's ratio."""
+        own = named(material)
+        names = [name for name in source_names(self.product) if name != own]
+        found = {name: silicone_called(name) for name in names}
+        return {
+            name: dataclasses.replace(one.material, poisson=material.poisson)  # type: ignore[call-arg]
+            for name, one in found.items()
+            if one is not None
+        }
+
+
+type AnyBand = MaterialErrors | SourceBand
+
+
+def band_of(text: str | Path) -> AnyBand:
+    """The band of a silicone's sources by its name, or of a fitted material by its ``fitted.toml``.
+
+    Raises:
+        MaterialError: Neither, or one without errors.
+    """
+    if silicone_called(str(text)) is not None:
+        return SourceBand(product_of(str(text)))
+    return MaterialErrors.from_file(Path(text))
+
+
 Found = tuple[tuple[str, ...], npt.NDArray[np.float64], str]
 
 
@@ -135,17 +202,21 @@ def _intervals(path: Path, fit: Mapping[str, object]) -> Found:
     return tuple(widths), np.diag(sigma**2), f"95 % intervals of {path}, as if they were independent"
 
 
-class ErrorsEntry(Entry[MaterialErrors | None]):
-    """The table ``[band]``: a fitted material's ``file``, or its ``parameters`` and their ``covariance``."""
+class ErrorsEntry(Entry[AnyBand | None]):
+    """The table ``[band]``: a fitted material's ``file``, its ``parameters`` and their ``covariance``, or a ``silicone``."""
 
     tables = ("band",)
 
-    def read(self, tables: Tables) -> MaterialErrors | Missing:
+    def read(self, tables: Tables) -> AnyBand | Missing:
         if "band" not in tables:
             return MISSING
         table = table_of(tables, "band")
-        if unknown := set(table) - {"file", "parameters", "covariance"}:
-            raise FieldError(f"[band] has an unknown entry {min(unknown)!r}; known are file, parameters, covariance")
+        if unknown := set(table) - {"file", "parameters", "covariance", "silicone"}:
+            raise FieldError(
+                f"[band] has an unknown entry {min(unknown)!r}; known are file, parameters, covariance, silicone"
+            )
+        if isinstance(silicone := table.get("silicone"), str) and set(table) == {"silicone"}:
+            return SourceBand(product_of(silicone))
         file = table.get("file")
         if isinstance(file, str) and set(table) == {"file"}:
             return MaterialErrors.from_file(Path(file))
@@ -155,21 +226,27 @@ class ErrorsEntry(Entry[MaterialErrors | None]):
             return MaterialErrors(tuple(map(str, names)), covariance, "[band] of the case")  # type: ignore[call-overload]
         except (TypeError, ValueError):
             raise FieldError(
-                "[band] needs a fitted material (file = 'results/fit/fitted.toml'), or parameters and their covariance in SI"
+                "[band] needs a fitted material (file = 'results/fit/fitted.toml'), parameters and their covariance in SI, "
+                "or the sources of a silicone (silicone = 'ecoflex-00-30')"
             ) from None
 
-    def write(self, value: MaterialErrors | None, text: Text) -> Written:
+    def write(self, value: AnyBand | None, text: Text) -> Written:
         if value is None:
             return {}
+        if isinstance(value, SourceBand):
+            return {"band": {"silicone": value.product}}
         return {"band": {"parameters": list(value.names), "covariance": [list(row) for row in value.covariance]}}
 
     def options(self) -> Iterator[Option]:
-        text = "a fitted material's fitted.toml: path.csv and the curves get the 95 % band that its errors make"
-        yield Option("band", About(Words(), text), None, "FILE")
+        text = (
+            "a fitted material's fitted.toml: path.csv and the curves get the 95 % band that its errors make; or a silicone's "
+            "name: each of its sources is solved, and the curves get the band that they span"
+        )
+        yield Option("band", About(Words(), text), None, "FILE|NAME")
 
     def arguments(self, field: str) -> dict[str, str]:
-        return {"band": "band=MaterialErrors.from_file(...)"}
+        return {"band": "band='fitted.toml', or a silicone's name"}
 
-    def take(self, options: MutableMapping[str, object]) -> MaterialErrors | Missing:
-        file = options.pop("band", None)
-        return MISSING if file is None else MaterialErrors.from_file(Path(str(file)))
+    def take(self, options: MutableMapping[str, object]) -> AnyBand | Missing:
+        given = options.pop("band", None)
+        return MISSING if given is None else band_of(str(given))

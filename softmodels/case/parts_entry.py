@@ -15,7 +15,7 @@ from softmodels.case.region import Region
 from softmodels.mechanics.fabric import Fabric
 from softmodels.mechanics.fibres import Fibres
 from softmodels.mechanics.holds import Clamp
-from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
+from softmodels.mechanics.loads import Force, Gravity, Mass, Moment, gravity_of
 from softmodels.mechanics.parts import PARTS, Part, PartError
 from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.rigid_shapes import RigidShape
@@ -95,6 +95,21 @@ def _of_table(kind: type[Part], tables: Tables) -> list[Part]:
     return [kind.read_table(name, table_of(table, name)) for name in table]
 
 
+def with_walls(parts: Sequence[Part], actuator: Actuator) -> Parts:
+    """The parts of a case: walls that meet press on each other unless it says otherwise."""
+    if actuator.meeting == () or any(isinstance(part, Walls) for part in parts):
+        return tuple(parts)
+    kinds = list(PARTS.values())
+    behind = kinds[kinds.index(Walls) + 1 :]
+    at = next((number for number, part in enumerate(parts) if type(part) in behind), len(parts))
+    return (*parts[:at], Walls(), *parts[at:])  # as a case file would be read
+
+
+def without_walls(parts: Sequence[Part]) -> Parts:
+    """Parts for what does not know of walls that press on each other by themselves: designs, and decks."""
+    return tuple(Walls("none") if isinstance(part, Walls) and part.automatic else part for part in parts)
+
+
 def check_parts(parts: Sequence[Part], actuator: Actuator) -> None:
     """Refuse parts that the device cannot take, or that have one name in common.
 
@@ -106,10 +121,11 @@ def check_parts(parts: Sequence[Part], actuator: Actuator) -> None:
         raise PartError(
             f"several parts are called {twice[0]}; give each a name of its own, since their columns bear it"
         )
-    if not any(isinstance(part, Gravity) for part in parts):
-        for part in parts:
-            if isinstance(part, Mass) or (isinstance(part, Rigid) and part.mass):
-                what = "hangs under gravity" if isinstance(part, Mass) else "has a mass, which gravity pulls at"
-                raise PartError(f"{part.where} {what}; say where that pulls to ([gravity], --gravity -z)")
+    gravity = gravity_of(parts)
     for part in parts:
+        if part.weighs and not gravity.any():
+            raise PartError(
+                f"{part.where} has a mass, which gravity pulls at; say where that pulls to ([gravity], --gravity -z)"
+            )
+        part.check_under(gravity)
         part.check_on(actuator)

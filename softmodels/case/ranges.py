@@ -5,19 +5,39 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections.abc import Iterable
 
+from measurement.common_units import FACTORS
 from measurement.units import UnitError, brief, numbers, quantity
-from measurement.wording import Spoken
+from measurement.wording import Spoken, meant
 
 ML = 1e-6
 """m3 in one ml."""
+SHORT_PAIR = re.compile(r"(\d{1,2}),(\d{1,2})")
+"""What may be two values, or one with a decimal comma."""
 
 
 class SeriesError(Spoken, ValueError):
     """A text that is no series of values; the message is a sentence for the user."""
 
 
-def series(text: object, what: str) -> tuple[float, ...]:
+class Typed(tuple[float, ...]):
+    """Values as they were typed.
+
+    Attributes:
+        doubt: A sentence where the text may have meant something else; empty where it cannot, or nothing was typed.
+    """
+
+    doubt: str = ""
+
+
+def _typed(values: Iterable[float], doubt: str) -> Typed:
+    made = Typed(values)
+    made.doubt = doubt
+    return made
+
+
+def series(text: object, what: str) -> Typed:
     """Requested values: ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``; or a list.
 
     Args:
@@ -56,7 +76,19 @@ def series(text: object, what: str) -> tuple[float, ...]:
             raise SeriesError(f"{what} falls from {before:g} to {after:g}; give the values from low to high{more}")
     if values and values[-1] == 0:
         raise SeriesError(f"the only {what} requested is 0, where nothing happens")
-    return tuple(values)
+    return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
+
+
+def _decimal_comma(text: str, what: str) -> str:
+    """A sentence on two short numbers with a comma between them, which may be one number; a leading zero alone is rest."""
+    match = SHORT_PAIR.fullmatch(text.strip())
+    if match is None or (match[1] == "0" and len(match[2]) > 1):
+        return ""
+    first, second = match.groups()
+    return (
+        f"{what} {text.strip()!r} is read as two values, {first} and {second}; decimals have a point, so write "
+        f"{first}.{second} if that is meant, or {first}:{second} for both values without this note"
+    )
 
 
 def _unit_at_the_end(separator: str, parts: list[object]) -> str:
@@ -93,7 +125,7 @@ def _range(numbers: list[float], text: str, what: str) -> list[float]:
     return [*(value for value in inner if value < stop), stop]
 
 
-def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> tuple[float, ...]:
+def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Typed:
     """Requested values of a text with a unit behind it, such as ``"0:17 kPa"``, in cm of the column or in ml.
 
     Args:
@@ -107,7 +139,8 @@ def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> tuple[float
     """
     values, written = split_text(text)
     scale = _scale(unit, text, written, what, pascal_in_cm)
-    return tuple(value * scale for value in series(values, what))
+    read = series(values, what)
+    return _typed((value * scale for value in read), read.doubt)
 
 
 def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> float:
@@ -126,8 +159,11 @@ def _scale(unit: str, text: str, written: str, what: str, pascal_in_cm: float) -
     factor = factor_of(written, "Pa" if unit == "cm" else "m^3")
     if factor is None:
         examples = "0:177 cm or 0:17 kPa" if unit == "cm" else "0:60 ml"
+        known = ["cm", *FACTORS["Pa"]] if unit == "cm" else FACTORS["m^3"]
         trouble = f"an unknown unit, {brief(written)}" if written else "no unit"
-        raise SeriesError(f"{what} {brief(text)} has {trouble}; write it like {examples}, or give numbers in SI units")
+        raise SeriesError(
+            f"{what} {brief(text)} has {trouble}; write it like {examples}, or give numbers in SI units{meant(written, known)}"
+        )
     return factor / (pascal_in_cm if unit == "cm" else ML)
 
 

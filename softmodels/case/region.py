@@ -6,26 +6,23 @@ import dataclasses
 from collections.abc import Mapping
 from typing import ClassVar
 
-import numpy as np
-import numpy.typing as npt
-
 from geometries.kinds import Quantity, Text
 from softmodels.case import material_table
 from softmodels.materials.casting import sheet_of
+from softmodels.materials.material import SOFTEST, parameter_fields
 from softmodels.materials.stability import check_rest
-from softmodels.mechanics.dead_loads import HeavyPart, Spread, Weighed
 from softmodels.mechanics.loads import check_density
 from softmodels.mechanics.parts import PartError, register_part
 from softmodels.mechanics.regions import RegionPart
 
 DENSITY = Quantity("kg/m^3")
-MODULI = (500.0, 1e12)
+MODULI = (SOFTEST, 1e12)
 """Shear moduli in Pa that a region can have, from the softest gels to hard metals."""
 
 
 @register_part
 @dataclasses.dataclass(frozen=True)
-class Region(RegionPart, HeavyPart):
+class Region(RegionPart):
     """A region in another material, bonded to its neighbours.
 
     Attributes:
@@ -53,14 +50,14 @@ class Region(RegionPart, HeavyPart):
             )
         check_rest(self.material)
         if self.density is not None:
-            check_density(DENSITY.settled(f"{self.where} density", self.density), self.where)
+            density = DENSITY.settled(f"{self.where} density", self.density)
+            check_density(density, self.where)
+            object.__setattr__(self, "density", density)
 
-    def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
+    @property
+    def own_density(self) -> float | None:
         sheet = sheet_of(self.material)
-        own = self.density if self.density is not None else sheet.density if sheet else density
-        if own == density:
-            return []
-        return [Weighed([on.mean(along, region=self.name)], (own - density) * on.volume(self.name))]
+        return self.density if self.density is not None else sheet.density if sheet else None
 
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Region:
@@ -75,7 +72,7 @@ class Region(RegionPart, HeavyPart):
 
     @property
     def explained(self) -> Mapping[str, str]:
-        law = {field.name: field.metadata["help"] for field in dataclasses.fields(self.material)}
+        law = {field.name: field.metadata["help"] for field in parameter_fields(self.material)}
         return {
             **law,
             "density": "density of the region; by its silicone's data sheet, or that of [gravity], if left out",

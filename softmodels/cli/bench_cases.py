@@ -71,9 +71,6 @@ law = "neo-hookean"
 young = "1 GPa"
 poisson = 0.3
 
-[walls]
-faces = "chamber_walls"
-
 [load]
 pressure = "0:4 kPa"
 """,

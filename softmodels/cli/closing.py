@@ -14,16 +14,16 @@ from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM
 from softmodels.results.row import Row
 from softmodels.results.stability_report import stability_text
-from softmodels.results.state_words import StateWords, state_words
+from softmodels.results.state_words import StateWords, overlap_text, state_words
 from softmodels.results.store import Results
-from softmodels.results.terms import split
+from softmodels.results.terms import at_rise, split
 from softmodels.runs.gathering import branch_rows, gather, not_gathered
 
 
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, drawing: Drawing | None) -> int:
     """Gather the results, draw them if ``drawing`` is given, say how it ended."""
     stored, took = results.stored, None
-    notes = notes_of(case, results.rows) if stored and status != BAD_INPUT else []
+    notes = notes_of(case, results.rows, results.sources(case)) if stored and status != BAD_INPUT else []
     if stored and status != BAD_INPUT:
         try:
             gather(case, results, status, message, notes)
@@ -56,7 +56,10 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             f"{f', {volume}' if volume else ''}{pressed(row)}, "
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
             f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
+            f"{f'; {overlap}' if (overlap := overlap_text(row)) else ''}"
         )
+        if text := _sideways(row, gauge):
+            print(text)
         if case.gauges.columns():
             say(", ".join(_gauge(name, row) for name in case.gauges.columns()))
         if told := stability_text(results.rows, case.actuator, words, branch_rows(results)):
@@ -86,6 +89,18 @@ def _band(row: Row, column: str) -> str:
     """Half the 95 % interval of the material's errors, behind a value; nothing where it is not known."""
     width = row.get(column, math.nan)
     return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
+
+
+def _sideways(row: Row, gauge: str) -> str:
+    """What the bands behind the values are, and the pressure's own, which is another one at equal rise and at equal volume."""
+    at_volume, rising = (row.get(column, math.nan) for column in ("pressure_95_cm", at_rise(gauge)))
+    if math.isnan(at_volume) or not at_volume:
+        return ""
+    same = "" if math.isnan(rising) else f"+- {rising:.3g} cm at equal rise of the {gauge}, "
+    return (
+        f"95 % by the material's errors: rise and volume at the requested value; the pressure {same}+- {at_volume:.3g} cm at "
+        "equal added volume"
+    )
 
 
 def _loaded(row: Row, words: StateWords) -> str:

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from softmodels.mechanics.mpi import mpich_file
+
 PACKAGES = {
     "gmsh": "gmsh",
     "numpy": "numpy",
@@ -39,7 +41,7 @@ def doctor() -> None:
         ("dolfinx", _dolfinx),
         ("petsc", _petsc),
         ("mpi", _mpi),
-        ("mpirun", lambda: _program("mpirun", str(Path(sys.executable).with_name("mpirun")), "mpirun")),
+        ("mpirun", _mpirun),
         ("compiler", _compiler),
         ("cache", _cache),
         ("solve", _solve),
@@ -97,7 +99,14 @@ def _mpi() -> str:
     start()
     from mpi4py import MPI
 
-    return MPI.Get_library_version().splitlines()[0].strip().rstrip("\0")
+    version = MPI.Get_library_version().splitlines()[0].strip().rstrip("\0")
+    library = mpich_file("libmpi.so.12")
+    return f"{version}, {library}" if library else version
+
+
+def _mpirun() -> str:
+    own = mpich_file("mpirun")
+    return _program("mpirun", str(Path(sys.executable).with_name("mpirun")), *([str(own)] if own else []), "mpirun")
 
 
 def _program(what: str, *names: str) -> str:

@@ -16,13 +16,6 @@ c2 = "20 Pa"
 c3 = "3 Pa"
 poisson = 0.495
 """
-_PART = """[geometry]
-device = "ImportedActuator"
-file = "mypart.step"
-cavities = ["at 11, 0, 2 mm", "at 11, 0, -2 mm"]
-support = "x = 0 mm"
-cell_size = "3 mm"
-"""
 
 CASES = {
     "disk.toml": f"""# the disk of the photographs; what it is made of is for the fit to find
@@ -110,21 +103,33 @@ device = "Balloon"
 [load]
 volume_ml = "0:40:10"
 """,
-    "mypart.toml": f"""# a part from a STEP file; the second cavity under half the pressure
+    "mypart.toml": """# a finger from a STEP file; its only closed inner shell is the cavity, and it bends up
 name = "mypart"
 
-{_PART}pressure_ratios = [1, 0.5]
+[geometry]
+device = "ImportedActuator"
+file = "mypart.step"
+support = "x = 0 mm"
+gauge_point = "at 80, 6, -6 mm" # a corner of its tip, whose rise along z is reported
+cell_size = "4 mm"
+curvature = 6
 
 [material]
 silicone = "ecoflex-00-30"
 
 [load]
-pressure_cm = "0:20"
+pressure_cm = "0:40"
 """,
-    "program.toml": f"""# the same part, a series for each cavity: one inflated, the other filled with water and shut
+    "program.toml": """# a part with two cavities, a series for each: one inflated, the other filled with water and shut
 name = "program"
 
-{_PART}
+[geometry]
+device = "ImportedActuator"
+file = "twopart.step"
+cavities = ["at 11, 0, 2 mm", "at 11, 0, -2 mm"]
+support = "x = 0 mm"
+cell_size = "3 mm"
+
 [material]
 silicone = "ecoflex-00-30"
 
@@ -136,7 +141,7 @@ cavity2.volume_ml = [0, 0, 0.02]
 """Text by name of the file."""
 
 PROBLEMS = {
-    "problems/higher.toml": """# softmodels design: where to put the silicone of a membrane, so that it rises highest
+    "problems/higher.toml": """# softmodels design: where to put the silicone of a membrane so that its top is highest
 name = "higher"
 
 [case.geometry]
@@ -155,7 +160,7 @@ pressure_cm = "0:177"
 profile = { from = 0.6, to = 1.7 }
 
 [maximise]
-quantity = "rise"
+quantity = "height"                     # of the top under pressure; "rise" is how far it moves, and begins lower
 of = "apex"
 at = "177 cm"
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -40,7 +41,8 @@ photographs/       grid.jpg: the screen's grid of 9 mm alone; 4 to 13: a disk at
 disk.toml          the disk of the photographs, its silicone not yet known
 pull.csv           a tensile test of its silicone
 truth.txt          what it is made of
-mypart.step        a part with two cavities, mypart.toml the case of it, program.toml one with a series for each cavity
+mypart.step        a finger with one cavity that bends, mypart.toml the case of it
+twopart.step       a block with two cavities, program.toml a series for each of them
 *.toml             cases: volume, syringe, cycle, contact, ball, sheet (seminar), balloon
 lifted, height     a membrane with a plate and a weight; the force on the plate at a height
 finger, bent       a finger of two silicones with paper, under its weight; a wound finger with a sheet
@@ -108,17 +110,40 @@ def told_truth() -> str:
     return f"{TRUTH.law}, {values}, Poisson's ratio {TRUTH.poisson:g}"
 
 
-def part(path: Path) -> None:
-    """A block of 20 x 10 x 10 mm with two flat cavities above each other, 1.5 mm apart, as a STEP file."""
+def finger(path: Path) -> None:
+    """Write a finger of 80 x 12 x 12 mm as a STEP file. Its rounded cavity lies below the middle, so it bends up (along z)."""
+
+    def draw(occ: Any) -> None:
+        block = occ.addBox(0, -6, -6, 80, 12, 12)
+        hole = occ.addBox(5, -4.5, -4.5, 72, 9, 6)
+        occ.synchronize()
+        edges = [abs(tag) for _, tag in occ.getEntities(1) if tag > 12]
+        rounded = occ.fillet([hole], edges, [2.0])
+        occ.cut([(3, block)], rounded)
+
+    _write_step(path, draw)
+
+
+def two_cavities(path: Path) -> None:
+    """Write a block of 20 x 10 x 10 mm with two flat cavities above each other, 1.5 mm apart, as a STEP file."""
+
+    def draw(occ: Any) -> None:
+        block = occ.addBox(0, -5, -5, 20, 10, 10)
+        holes = [occ.addBox(6, -3, z, 10, 6, 2.0) for z in (0.75, -2.75)]
+        occ.cut([(3, block)], [(3, hole) for hole in holes])
+
+    _write_step(path, draw)
+
+
+def _write_step(path: Path, draw: Callable[[Any], None]) -> None:
+    """Write what ``draw(gmsh.model.occ)`` draws in mm as a STEP file."""
     import gmsh  # type: ignore[import-untyped]
 
     from geometries.meshing import private_model
 
     with private_model():
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-        block = gmsh.model.occ.addBox(0, -5, -5, 20, 10, 10)
-        holes = [gmsh.model.occ.addBox(6, -3, z, 10, 6, 2.0) for z in (0.75, -2.75)]
-        gmsh.model.occ.cut([(3, block)], [(3, hole) for hole in holes])
+        draw(gmsh.model.occ)
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))
         gmsh.option.setString("Geometry.OCCTargetUnit", "")
@@ -142,7 +167,8 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
     folder.add("truth.txt", lambda file: file.write_text(f"{told_truth()}, a leak of 1 %\n", encoding="utf-8"))
     from geometries.apart import apart
 
-    folder.add("mypart.step", lambda file: apart(part, file))
+    folder.add("mypart.step", lambda file: apart(finger, file))
+    folder.add("twopart.step", lambda file: apart(two_cavities, file))
     tell("photographing the board")
     for number, scene in enumerate(board_scenes(), 1):
         folder.add(f"boards/board{number:02d}.jpg",

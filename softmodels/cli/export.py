@@ -51,5 +51,6 @@ def command(file: Path, output: Path, quiet: bool) -> None:
     if not quiet:
         steps, mesh = len(deck.pressures), deck.mesh
         say(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
-        for text in dict.fromkeys(text for silicone in deck.silicones for text in silicone.remarks[2:]):
+        remarks = [*(text for silicone in deck.silicones for text in silicone.remarks[2:]), deck.overlapping]
+        for text in filter(None, dict.fromkeys(remarks)):
             say(f"note: {text}")

@@ -24,13 +24,14 @@ from softmodels.cli.device_word import DEVICE, by_device
 from softmodels.cli.limit_texts import Column, Sampled, Scatter, scatter_text, sentence, write
 from softmodels.cli.options import fail
 from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.silicones import extrapolated
 from softmodels.materials.stability import check_rest, weakest, weakness
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, start
 from softmodels.mechanics.parts import PartError
-from softmodels.results.limit_band import band_texts, with_ends
+from softmodels.results.limit_band import band_texts, with_sources
 from softmodels.results.limits import Limit, Tolerance, find_limit, samples, scatter
 from softmodels.results.lost_path import NEAR
 from softmodels.results.outcomes import FAILED
@@ -129,7 +130,7 @@ def limit(kind: type[Actuator], **values: object) -> None:
     comm = start()
     abort_on_error(comm)
     folder = _open(given, values, question, comm)
-    named, bands = with_ends(dict(question.materials))
+    named, bands = with_sources(dict(question.materials))
     limits, scattered = _answered(question, named, comm)
     if not is_root(comm):
         return
@@ -197,6 +198,8 @@ def _notes(question: Question, materials: Mapping[str, Material], limits: Mappin
                 f"note: {weakness(materials[name])}, and the state found has stretch {found.stretch:.3g}: what gives way there "
                 "may be the law and not the device; take one that is stable over these stretches (softmodels curve shows them)"
             )
+        if text := extrapolated(materials[name], found.stretch):
+            yield f"note: {name}: {text}"
     if hidden := unseen(device):
         yield f"note: {hidden}"
     if len(device.ratios) > 1:

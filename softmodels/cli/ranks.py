@@ -24,7 +24,7 @@ from measurement.cores import cores
 from measurement.ending import STOPPED, STOPS, asked_to_stop
 from measurement.terminal import COLUMNS, columns, say
 from softmodels.case.case import Case
-from softmodels.mechanics.mpi import StartError, launched
+from softmodels.mechanics.mpi import StartError, launched, mpich_file
 
 AUTO = "auto"
 EACH = 30_000
@@ -112,7 +112,9 @@ def _nodes(file: Path) -> int:
 
 def _launcher() -> str | None:
     """The launcher of the MPI in use: the wheel's stands beside Python."""
-    return shutil.which("mpirun", path=str(Path(sys.executable).parent)) or shutil.which("mpirun")
+    own = mpich_file("mpirun")
+    beside = shutil.which("mpirun", path=str(Path(sys.executable).parent))
+    return beside or (str(own) if own else None) or shutil.which("mpirun")
 
 
 def start_again(ranks: int) -> int:

@@ -14,6 +14,8 @@ from softmodels.case.material_table import material_from, to_table
 from softmodels.cli.case_options import taken
 from softmodels.cli.device_word import DEVICE, by_device
 from softmodels.cli.options import RunOptions, device_command, execute, run_options
+from softmodels.materials.silicones import silicone_called
+from softmodels.materials.spread import product_of
 from softmodels.mechanics.methods import METHODS
 
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
@@ -33,12 +35,13 @@ def command_of(device: type[Actuator]) -> click.Command:
 )  # fmt: skip
 @click.option("--material", metavar="NAME", help="What the device is made of, in place of the case's [material]: a silicone, "
               "or a TOML file such as the fitted.toml of softmodels fit.")  # fmt: skip
-@click.option("--band", type=click.Path(path_type=Path), metavar="FILE", help="A fitted material's fitted.toml, in place of "
-              "the case's [band]: path.csv and the curves get the 95 % band that its errors make.")  # fmt: skip
+@click.option("--band", metavar="FILE|NAME", help="A fitted material's fitted.toml, in place of the case's [band]: path.csv "
+              "and the curves get the 95 % band that its errors make. Or a silicone's name: each of its sources is solved, "
+              "and the curves get the band that they span.")  # fmt: skip
 @click.option("--solver", type=click.Choice(METHODS), help="How linear equations are solved, in place of the case's method: "
               "by a factorisation, by iterations with multigrid, or by what the memory has room for.")  # fmt: skip
 @run_options
-def run(file: Path, material: str | None, band: Path | None, solver: str | None, **values: object) -> None:
+def run(file: Path, material: str | None, band: str | None, solver: str | None, **values: object) -> None:
     """Run a case FILE, such as the case.toml in a folder of results, or a device by its options.
 
     The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
@@ -53,12 +56,13 @@ def run(file: Path, material: str | None, band: Path | None, solver: str | None,
     execute(lambda: _of_file(file, material, band, solver), taken(RunOptions, values), [file])
 
 
-def _of_file(file: Path, material: str | None, band: Path | None, solver: str | None) -> Case:
+def _of_file(file: Path, material: str | None, band: str | None, solver: str | None) -> Case:
     """A case file's case, with another material, another band or another solver where these are given."""
     more: dict[str, Mapping[str, object]] = {}
     if material is not None:
         more["material"] = to_table(material_from(material, {}))
     if band is not None:
-        more["band"] = {"file": str(band.absolute())}
+        product = product_of(band) if silicone_called(band) else ""
+        more["band"] = {"silicone": product} if product else {"file": str(Path(band).absolute())}
     case = Case.from_file(file, more)
     return case if solver is None else dataclasses.replace(case, solver=solver)

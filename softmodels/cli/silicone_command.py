@@ -5,13 +5,16 @@ from __future__ import annotations
 import click
 
 from measurement.terminal import say
+from measurement.wording import known_are
 from softmodels.cli.options import fail
 from softmodels.materials.casting import SILICONE_DENSITY, casting_of
 from softmodels.materials.homogeneous import nominal_stress
-from softmodels.materials.silicones import PRODUCTS, Silicone
+from softmodels.materials.silicones import PRODUCTS, SILICONES, Silicone
 from softmodels.materials.spread import full_name, product_of, spread_sentence
 
 HEAD = f"  {'--material':42s} {'modulus':>10s} {'stress at stretch 1.5, 2':>26s}   {'fitted over stretch':20s}"
+PLAIN = "*"
+"""Marks the source that the plain name means."""
 
 
 @click.command("silicones", context_settings={"help_option_names": ["-h", "--help"]})
@@ -19,8 +22,9 @@ HEAD = f"  {'--material':42s} {'modulus':>10s} {'stress at stretch 1.5, 2':>26s}
 def silicones(products: tuple[str, ...]) -> None:
     """List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.
 
-    With a PRODUCT, such as ecoflex-00-30, where and how each of its sources was measured, and its density. The first source is
-    what the bare name means.
+    With a PRODUCT, such as ecoflex-00-30, where and how each of its sources was measured, and its density. A product's plain
+    name means the source with a star: of its sources in tension, from the softest to the stiffest by their secant modulus at
+    stretch 1.5, the middle one, and of an even number the stiffer of the two in the middle.
 
     \b
     Exit status: 0 done; 2 no such silicone.
@@ -28,7 +32,7 @@ def silicones(products: tuple[str, ...]) -> None:
     names = [product_of(name) for name in products]
     for name in names:
         if name not in PRODUCTS:
-            fail(f"{name!r} is no silicone of the library; known are {', '.join(PRODUCTS)}")
+            fail(f"{name!r} is no silicone of the library; {known_are(name, PRODUCTS)}")
     say(HEAD)
     for name in names or PRODUCTS:
         for one in PRODUCTS[name]:
@@ -39,7 +43,9 @@ def silicones(products: tuple[str, ...]) -> None:
             say(f"  {spread_sentence(name)}")
             say(f"  {_weight(name)}")
     if not names:
-        say("softmodels silicones PRODUCT tells where and how each source was measured")
+        say(f"{PLAIN} what the plain name means: the middle source in tension by the stress at stretch 1.5, of an even "
+                   "number the stiffer of the two")  # fmt: skip
+        say("softmodels silicones PRODUCT prints where and how each source was measured")
 
 
 def _line(product: str, one: Silicone) -> str:
@@ -48,7 +54,8 @@ def _line(product: str, one: Silicone) -> str:
         stresses = ", ".join(f"{stress / 1e3:.4g}" for stress in nominal_stress(one.material, [1.5, 2.0])) + " kPa"
     span = "not published" if one.stretches is None else f"{one.stretches[0]:g} to {one.stretches[1]:g}"
     modulus = f"{one.material.shear_modulus_0 / 1e3:.4g} kPa"
-    return f"  {full_name(product, one):42s} {modulus:>10s} {stresses:>26s}   {span:20s}"
+    mark = PLAIN if one is SILICONES[product] else " "
+    return f"{mark} {full_name(product, one):42s} {modulus:>10s} {stresses:>26s}   {span:20s}"
 
 
 def _weight(product: str) -> str:

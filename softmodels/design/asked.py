@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
+from measurement.arguments import checked
 from measurement.units import UnitError, brief, number_and_unit, quantity
+from measurement.wording import known_are
 from softmodels.case.case import Case
 from softmodels.design.errors import DesignError
-from softmodels.design.free import closest
 from softmodels.design.loads import PRESSURE, VOLUME, Load
 from softmodels.design.quantities.base import Quantity
 from softmodels.design.units import factor, read, shown_unit, text
@@ -35,6 +36,7 @@ class Term:
     weight: float
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Keep:
     """A limit that a design has to keep.
@@ -81,9 +83,11 @@ def highest_pressure(asked: Asked) -> float | None:
 
 
 def label(asked: Asked, cm: float) -> str:
-    """What a quantity is, with the pressure in cm of water as on the bench."""
+    """What a quantity is, with its pressure as the user wrote it; in cm of water, as on the bench, where it was a number."""
     pressure = pressure_of(asked)
-    return asked.key if pressure is None else f"{asked.title} at {pressure / cm:.5g} cm"
+    if pressure is None or asked.at is None:
+        return asked.key
+    return f"{asked.title} at {Load.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
 
 
 class Reader:
@@ -119,7 +123,7 @@ class Reader:
         for key in entry:
             if key not in ("quantity", *fields, *more):
                 names = [name for name in fields if name != "at" or _at_pressure(kind)]
-                raise DesignError(f"{where} has an unknown entry {key!r}; {closest(str(key), [*names, *more])}")
+                raise DesignError(f"{where} has an unknown entry {key!r}; {known_are(key, [*names, *more])}")
         given = {key: self._given(key, value) for key, value in entry.items() if key in fields and key != "at"}
         if "cm" in fields:  # of the column that a quantity's own file may count in
             given.setdefault("cm", self.case.cm)
@@ -137,9 +141,9 @@ class Reader:
 
     def _kind(self, name: object, where: str) -> type[Asked]:
         if name is None:
-            raise DesignError(f"{where} names no quantity; {closest('', self.registry)}")
+            raise DesignError(f"{where} names no quantity; {known_are('', self.registry)}")
         if not isinstance(name, str) or name not in self.registry:
-            raise DesignError(f"{where}: quantity {brief(name)} is unknown; {closest(str(name), self.registry)}")
+            raise DesignError(f"{where}: quantity {brief(name)} is unknown; {known_are(name, self.registry)}")
         return self.registry[name]
 
     def _given(self, key: str, value: object) -> object:
@@ -162,29 +166,30 @@ class Reader:
             known = [*device.probes, *device.device_figures(device.probes)]
             if of not in known:
                 raise DesignError(
-                    f"{where}: this {type(device).__name__} has no probe or figure {of!r}; {closest(of, known)}"
+                    f"{where}: this {type(device).__name__} has no probe or figure {of!r}; {known_are(of, known)}"
                 )
         if getattr(type(asked), "of_state", False) and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs the pressure it is taken at (at)")
         pressure, last = highest_pressure(asked), self.case.goals[-1]
         if pressure is not None and pressure > last * (1 + 1e-9):
-            cm = self.case.cm
+            said, cm = getattr(asked.at, "text", ""), self.case.cm
             raise DesignError(
-                f"{where}: {asked.title} is asked at {pressure / cm:.5g} cm, above the case's last pressure, {last / cm:.5g} cm"
+                f"{where}: {asked.title} is asked at {said or f'{pressure / cm:.5g} cm'}, above the case's last pressure, "
+                f"{last / cm:.5g} cm ({last / 1e3:.5g} kPa)"
             )
         return asked
 
     def _at(self, value: object, where: str) -> object:
-        """A pressure in Pa, or a `Load` of an added volume."""
+        """A pressure in Pa, or a `Load` of a text."""
         if not isinstance(value, str):
             return read(f"{where}: at", value, "Pa", self.bare)
         try:
             amount, unit = number_and_unit(value)
             if unit == "cm":
-                return _positive(amount * self.case.cm, value, where)
+                return Load(PRESSURE, _positive(amount * self.case.cm, value, where), value)
             if unit and _is_volume(value):
-                return Load(VOLUME, _positive(quantity(value, "m^3"), value, where))
-            return _positive(quantity(value, "Pa"), value, where)
+                return Load(VOLUME, _positive(quantity(value, "m^3"), value, where), value)
+            return Load(PRESSURE, _positive(quantity(value, "Pa"), value, where), value)
         except UnitError as error:
             raise DesignError(f"{where}: at is no pressure ({error}); write it like 177 cm or 17 kPa") from None
 

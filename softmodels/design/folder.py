@@ -16,9 +16,9 @@ from measurement.own_folder import OwnFolder, OwnFolderError
 from measurement.reasons import reason
 from measurement.user_file import read_text
 from softmodels.design.asked import in_words, label, shown, shown_factor
-from softmodels.design.cases import case_of
+from softmodels.design.cases import case_of, case_text
 from softmodels.design.errors import DesignError
-from softmodels.design.formulation import Formulation
+from softmodels.design.formulation import KEPT, Formulation
 from softmodels.design.problem import DesignProblem
 from softmodels.design.trials import Trial
 from softmodels.design.units import factor, shown_unit
@@ -117,14 +117,14 @@ class DesignFolder:
         if self._new:
             self.own.remove(self.own.files)
             self.own.claim([TABLE, DESIGN, START, f"{ITERATES}/"], {"inputs": self._identity})
-            replace_text(self.path / START, self.problem.case.to_toml())
+            replace_text(self.path / START, case_text(self.problem, self.problem.case))
             self._new = False
         (self.path / ITERATES).mkdir(exist_ok=True)
         trial = trials[-1]
         names = [f"{trial.number:04d}.json", f"{trial.number:04d}.toml"]
         self._iterates.claim(names)
         with contextlib.suppress(GeometryError):  # a trial that is no device has no case
-            replace_text(self.path / ITERATES / names[1], case_of(self.problem, trial).to_toml())
+            replace_text(self.path / ITERATES / names[1], case_text(self.problem, case_of(self.problem, trial)))
         replace_text(self.path / ITERATES / names[0], trial.to_json())
         replace_text(self.path / TABLE, table(self.problem, trials, form))
         # Values of one mesh are compared alone: those of the one before may keep limits that are passed on a fresh one.
@@ -142,7 +142,7 @@ class DesignFolder:
 
     def _write_best(self, best: Trial) -> None:
         if best.number != self._best:
-            replace_text(self.path / DESIGN, case_of(self.problem, best).to_toml())
+            replace_text(self.path / DESIGN, case_text(self.problem, case_of(self.problem, best)))
             self._best = best.number
 
     def write(self, files: Mapping[str, str | bytes]) -> None:
@@ -198,9 +198,11 @@ def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: f
         return f"{head}  {trial.failure or 'judged'}{'' if trial.number == 1 else '; stepping back'}  {trial.seconds:.1f} s"
     asked = problem.terms[0].quantity
     worst, row = form.worst(trial)
-    told = "no limits" if row is None else f"{row.text}: {in_words(row.keep.quantity, trial.values[row.key])}"
+    limits = "no limits"
+    if row is not None:
+        limits = f"{'VIOLATED' if worst > KEPT else 'kept'}: {row.compared(trial.values[row.key], worst)}"
     rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
     return (
         f"{head}  {label(asked, problem.case.cm)} {in_words(asked, form.objective(trial), 5)}  "
-        f"{'kept' if worst <= 1e-9 else 'PASSED'} {told}  {trial.newton} iterations  {trial.seconds:.1f} s{rest}"
+        f"{limits}  {trial.newton} iterations  {trial.seconds:.1f} s{rest}"
     )

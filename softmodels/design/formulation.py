@@ -14,6 +14,10 @@ from softmodels.design.tolerances import SURE, Spread
 from softmodels.design.trials import Trial
 
 Array = npt.NDArray[np.float64]
+ZERO = 0.01
+"""Least length in sizes of the device that a length's violation is counted in where its limit is 0."""
+KEPT = 1e-9
+"""Share of a limit up to which it counts as kept: rounding."""
 INSIDE = 2e-4
 """Share of a limit that the search stays inside of it, so that what it ends with really keeps it."""
 
@@ -43,6 +47,27 @@ class Row:
         """The limit in words."""
         return f"{self.words} {'at most' if self.sign > 0 else 'at least'} {in_words(self.keep.quantity, self.limit)}"
 
+    def compared(self, value: float, violation: float) -> str:
+        """A value beside the limit, such as ``limit margin 1.249 < 1.25``, with as many digits as it takes to tell them apart.
+
+        Args:
+            value: SI unit.
+            violation: How far the limit is passed, in its scale; below zero where it is kept. It is judged with an allowance
+                for tolerances and for other meshes, which is added where the value alone would not show it.
+        """
+        asked = self.keep.quantity
+        judged = self.limit + self.sign * violation * self.scale
+        for digits in range(4, 10):
+            limit, near = in_words(asked, self.limit, digits), in_words(asked, judged, digits)
+            if limit != near or violation == 0.0:
+                break
+        above = judged > self.limit if limit != near else self.sign < 0
+        sign = (">" if above else "<") if violation > 0.0 else (">=" if self.sign < 0 else "<=")
+        told = in_words(asked, value, digits)
+        if abs(judged - value) <= 1e-9 * self.scale or told == near:
+            return f"{self.words} {near} {sign} {limit}"
+        return f"{self.words} {told}, {near} with its allowance, {sign} {limit}"
+
 
 @dataclasses.dataclass(frozen=True)
 class Scaled:
@@ -66,7 +91,7 @@ class Formulation:
 
     def __init__(self, problem: DesignProblem, first: Trial):
         self.problem, self.first = problem, first
-        self.corrections: dict[str, float] = {}
+        self.corrections: dict[str, tuple[float, float]] = {}
         self.safety: Array | float = 0.0
         self.spread = Spread(problem.names, problem.spreads, problem.errors)
         self.low = np.array([one.low for one in problem.free])
@@ -78,11 +103,12 @@ class Formulation:
 
     def _rows(self, keep: Keep, values: Mapping[str, float]) -> list[Row]:
         rows = []
+        floor = ZERO * self.problem.case.actuator.size if keep.quantity.unit == "m" else 0.0
         for key in keep.keys(values):
             words = label(keep.quantity, self.problem.case.cm) if key == keep.quantity.key else key
             for sign, limit in ((-1.0, keep.at_least), (1.0, keep.at_most)):
                 if limit is not None:
-                    scale = abs(limit) or abs(values[key]) or 1.0
+                    scale = abs(limit) or max(abs(values[key]), floor) or 1.0
                     rows.append(Row(keep, key, sign, limit, scale, words))
         return rows
 
@@ -116,7 +142,10 @@ class Formulation:
     def violations(self, trial: Trial, allowances: Array | None = None) -> Array:
         """How far each limit is passed, in its scale; below zero where it is kept. Shape (rows,)."""
         taken = self.allowances(trial) if allowances is None else allowances
-        values = {row.key: trial.values[row.key] * self.corrections.get(row.key, 1.0) for row in self.rows}
+        values = {}
+        for row in self.rows:
+            factor, shift = self.corrections.get(row.key, (1.0, 0.0))
+            values[row.key] = factor * trial.values[row.key] + shift
         return self.passed(values, taken) + self.safety
 
     def passed(self, values: Mapping[str, float], allowances: Array) -> Array:
@@ -131,8 +160,7 @@ class Formulation:
     def corrected(self, trial: Trial, confirmed: Mapping[str, float], safety: Array) -> Formulation:
         """The same with limits on values as a fresh mesh has them, known of one design: others differ by the same factor.
 
-        The smooth maxima of stretch and stress are fixed to the true ones where a mesh was made, so they drift as it moves (as
-        Le and others 2010, doi 10.1007/s00158-009-0440-y, whose constant is renewed likewise); a finer mesh differs too.
+        Where the limit is 0, such as on a gap, they differ by the same amount, since a factor would leave it where it is.
 
         Args:
             trial: The design in the search.
@@ -141,11 +169,12 @@ class Formulation:
         """
         made = Formulation(self.problem, self.first)
         made.safety = safety
-        made.corrections = {
-            row.key: confirmed[row.key] / trial.values[row.key]
-            for row in self.rows
-            if trial.values[row.key] and confirmed[row.key] / trial.values[row.key] > 0.0
-        }
+        for row in self.rows:
+            here, there = trial.values[row.key], confirmed[row.key]
+            if not row.limit:
+                made.corrections[row.key] = 1.0, there - here
+            elif here and there / here > 0.0:
+                made.corrections[row.key] = there / here, 0.0
         return made
 
     def worst(self, trial: Trial) -> tuple[float, Row | None]:
@@ -158,7 +187,7 @@ class Formulation:
 
     def feasible(self, trial: Trial) -> bool:
         """Whether it could be judged and keeps every limit."""
-        return not trial.failed and self.worst(trial)[0] <= 1e-9
+        return not trial.failed and self.worst(trial)[0] <= KEPT
 
     def scaled(self, trial: Trial, allowances: Array, fresh: bool = False) -> Scaled:
         """The search's numbers, with fixed allowances: the derivative of a standard deviation is left out."""

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from geometries import Actuator, GeometryError
 from geometries.fields import about
 from geometries.parameters import changed, parameter, parameter_names
 from measurement.units import brief
+from measurement.wording import known_are
 from softmodels.design.errors import DesignError
 from softmodels.design.units import read, shown_unit, text
 
@@ -54,14 +54,6 @@ def unit_of(device: Actuator, name: str) -> str:
     return kind.unit or str(getattr(getattr(kind, "of", None), "unit", ""))
 
 
-def closest(name: str, known: Iterable[str]) -> str:
-    """The end of a sentence: what may have been meant, and what there is."""
-    names = list(known)
-    meant = difflib.get_close_matches(name, names, 2, 0.6)
-    more = f"; did you mean {' or '.join(meant)}?" if meant else ""
-    return f"known are {', '.join(names)}{more}" if names else "there are none"
-
-
 def expanded(device: Actuator, name: str) -> list[str]:
     """Names of the continuous parameters that a name stands for: itself, or all entries of a list.
 
@@ -77,12 +69,12 @@ def expanded(device: Actuator, name: str) -> list[str]:
     stems = list(dict.fromkeys(one.partition("[")[0] for one in known))
     base = name.partition("[")[0]
     if base in about(device) and base not in stems:
-        raise DesignError(f"{name} does not decide the shape of this {type(device).__name__}; {closest(name, stems)}")
+        raise DesignError(f"{name} does not decide the shape of this {type(device).__name__}; {known_are(name, stems)}")
     if name != base and base in stems:
         count = sum(one.startswith(f"{base}[") for one in known)
         entries_text = f"has {count} entries, counted from 1" if count else "is no list"
         raise DesignError(f"parameter {name!r} is not there: {base} {entries_text}")
-    raise DesignError(f"{type(device).__name__} has no parameter {name!r}; {closest(name, stems)}")
+    raise DesignError(f"{type(device).__name__} has no parameter {name!r}; {known_are(name, stems)}")
 
 
 def free_parameters(device: Actuator, table: Mapping[str, object], bare: bool = True) -> tuple[Free, ...]:

@@ -14,6 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from measurement.read_only import keep_arrays
 from softmodels.design.asked import in_words
 from softmodels.design.formulation import Formulation
 from softmodels.design.free import Free
@@ -80,6 +81,9 @@ class Told:
     covariance: Array
     weakest: str
     source: str
+
+    def __post_init__(self) -> None:
+        keep_arrays(self)
 
     @property
     def sentences(self) -> list[str]:

@@ -16,10 +16,12 @@ class Load:
     Attributes:
         kind: "pressure" (the first state at that pressure) or "volume" (added to the cavity of the whole device).
         value: Pa or m3.
+        text: How the user wrote it, such as "30 kPa" or "177 cm"; empty where it was a number.
     """
 
     kind: str
     value: float
+    text: str = dataclasses.field(default="", compare=False)
 
     def __post_init__(self) -> None:
         if self.kind not in (PRESSURE, VOLUME):

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError, MeshingError
 from geometries.parameters import changed, parameter
 from softmodels.case.case import Case
+from softmodels.case.parts_entry import without_walls
 from softmodels.design.adjoint import Adjoint
 from softmodels.design.bifurcations import Bifurcations
 from softmodels.design.designed_body import DesignedBody
@@ -48,6 +49,10 @@ class PoorMesh(RuntimeError):
     """A mesh that has been moved too far to be solved on."""
 
 
+class UnstableState(DesignFailure):
+    """A state that the device leaves by itself."""
+
+
 class MeshedDesign:
     """A mesh, its equations and states, and the quantities made ready on it.
 
@@ -65,6 +70,8 @@ class MeshedDesign:
         forks = any(isinstance(part, OfBifurcation) for part in question.parts)
         self.bifurcations = Bifurcations(design, self.adjoint) if forks else None
         self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
+        self._stable: tuple[Actuator, Known] | None = None
+        """The last design that was judged, and its states."""
 
     @classmethod
     def fresh(
@@ -97,7 +104,7 @@ class MeshedDesign:
             body = Body.from_file(device, file, comm)
             comm.barrier()
         with compiling():
-            system = System(body, case.material, case.formulation, case.sheet, case.obstacle, case.parts)
+            system = System(body, case.material, case.formulation, case.sheet, case.obstacle, without_walls(case.parts))
             solver = Solver(system, case.solver)
             made = cls(DesignedBody(solver), question)
         try:
@@ -113,6 +120,8 @@ class MeshedDesign:
         guess = before.states.known.transferred(Transfer(before.design, self.design))
         try:
             self.states.carry(guess)
+            for load in self.question.loads:
+                self._settled(load)
         except (NoConvergence, DesignFailure):  # which may be the interpolation's fault
             return False
         return True
@@ -178,8 +187,32 @@ class MeshedDesign:
     def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
         """Values and gradients of the question's parts by key, and sentences on how far they can be trusted.
 
+        States that were carried from another design may lie on a branch that is unstable here. Then they are found again along
+        the whole path.
+
         Raises:
-            DesignFailure: A state is unstable.
+            DesignFailure: A state is unstable, or a load is not met. Mesh and states are those of the last judged design then.
+        """
+        try:
+            try:
+                found = self._judged(gradients)
+            except UnstableState:
+                if not self.states.carried:
+                    raise
+                self.states.trace()
+                found = self._judged(gradients)
+        except DesignFailure:
+            if self._stable is not None:
+                self._restore(*self._stable)
+            raise
+        self._stable = self.design.motion.device, self.states.known
+        return found
+
+    def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:
+        """The same of the states as they are.
+
+        Raises:
+            UnstableState: One of them is unstable.
         """
         motion, question = self.design.motion, self.question
         velocities = motion.boundary_velocities(question.names) if gradients else {}
@@ -218,14 +251,15 @@ class MeshedDesign:
         """The state at a load, its tangent factorised.
 
         Raises:
-            DesignFailure: The device leaves it by itself.
+            UnstableState: The device leaves it by itself.
         """
         state = self.states.states[load]
         self.adjoint.prepare(state)
         if load.kind == PRESSURE:
             negative = Stability.of(self.solver).negative_eigenvalues()
             if negative:
-                raise DesignFailure(f"the state at {load} is unstable: its tangent has {negative} negative eigenvalues")
+                values = "eigenvalue" if negative == 1 else "eigenvalues"
+                raise UnstableState(f"the state at {load} is unstable: its tangent has {negative} negative {values}")
         return state
 
     def _squares(self, measure: TargetMeasure, state: State, load: Load, velocities: dict[str, Array]) -> Squares:

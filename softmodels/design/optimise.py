@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Unpack, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries.parameters import parameter
+from measurement.arguments import callback, checked, flag, place, several, wrong
+from measurement.arguments import whole as whole_number
 from softmodels.design.errors import DesignStopped
 from softmodels.design.evaluating import Evaluating
 from softmodels.design.evaluator import evaluator
 from softmodels.design.folder import DesignFolder
-from softmodels.design.how import How
+from softmodels.design.how import EVALUATIONS, How, Judge
 from softmodels.design.multipliers import holding
 from softmodels.design.one_start import follow
 from softmodels.design.problem import DesignProblem
@@ -32,7 +34,22 @@ TRIED = 8
 """Points that are tried for a further start until one has a state."""
 
 
-def optimise(problem: DesignProblem | str | Path, folder: str | Path | None = None, **how: Unpack[How]) -> DesignResult:
+@checked
+def optimise(
+    problem: DesignProblem | str | Path,
+    folder: str | Path | None = None,
+    *,
+    starts: int = 1,
+    evaluations: int = EVALUATIONS,
+    seed: int = 1,
+    resume: bool = False,
+    progress: Callable[[str], object] | None = None,
+    stopped: Callable[[], bool] | None = None,
+    confirm: bool = True,
+    finer: float = 1.0,
+    inputs: Sequence[Path] = (),
+    model: Callable[[DesignProblem, MPI.Comm], Judge] | None = None,
+) -> DesignResult:
     """Optimise a design.
 
     The method, and why, is in `softmodels.design.search`. A start ends where a step gains less than 1e-4 of the objective, at
@@ -42,7 +59,16 @@ def optimise(problem: DesignProblem | str | Path, folder: str | Path | None = No
     Args:
         problem: The problem, or its file.
         folder: Where every trial is kept as soon as it is known; None for nowhere.
-        how: See `How`.
+        starts: How many; the first is the device as given, the others are spread over the bounds.
+        evaluations: Most of one start.
+        seed: Of the further starts.
+        resume: Go on from the trials in the folder.
+        progress: Gets a line for each design.
+        stopped: Whether to stop, asked between evaluations.
+        confirm: Solve the best design's whole path on a fresh mesh at the end.
+        finer: How much finer that mesh is.
+        inputs: Files that are read: they are never written.
+        model: Makes what evaluates designs from a problem and a communicator; finite elements if None.
 
     Returns:
         The best design within all limits; where there is none the one with the least violation, and what holds it back.
@@ -51,14 +77,53 @@ def optimise(problem: DesignProblem | str | Path, folder: str | Path | None = No
         DesignError: What cannot be meant.
         RunError: The device as given has no state at a pressure it is asked at.
     """
-    whole = problem if isinstance(problem, DesignProblem) else DesignProblem.from_file(Path(problem))
+    output = None if folder is None else place("folder", folder, "a folder")
+    read = several("inputs", inputs, Path, "a file's Path")
+    functions = {"progress": progress, "stopped": stopped, "model": model}
+    how = _how(starts, evaluations, seed, finer, {"resume": resume, "confirm": confirm}, functions, read)
+    whole = problem
+    if not isinstance(whole, DesignProblem):
+        whole = DesignProblem.from_file(place("problem", whole, "a problem file"))
     comm = start()
-    kept = None if folder is None else open_folder(whole, Path(folder), comm, how)
+    kept = None if output is None else open_folder(whole, output, comm, how)
     try:
         return run_in(whole, kept, comm, **how)
     finally:
         if kept is not None:
             kept.leave()
+
+
+def _how(
+    starts: object,
+    evaluations: object,
+    seed: object,
+    finer: object,
+    flags: Mapping[str, object],
+    functions: Mapping[str, object],
+    inputs: Sequence[Path],
+) -> How:
+    """The options of a call, checked; what is None is left out.
+
+    Raises:
+        ArgumentError: One of them is something else.
+    """
+    for name, function in functions.items():
+        callback(name, function)
+    given = {name: function for name, function in functions.items() if function is not None}
+    how = {
+        "starts": whole_number("starts", starts, 1), "evaluations": whole_number("evaluations", evaluations, 1),
+        "seed": whole_number("seed", seed, 0), "finer": _finer(finer), "inputs": inputs,
+        **{name: flag(name, value) for name, value in flags.items()}, **given,
+    }  # fmt: skip
+    return cast("How", how)
+
+
+def _finer(value: object) -> float:
+    """How much finer the fresh mesh is; `ArgumentError` for what is no number from 1 up."""
+    plain = value.item() if isinstance(value, np.generic) else value
+    if isinstance(plain, bool) or not isinstance(plain, int | float) or not 1.0 <= plain <= 10.0:
+        raise wrong("finer", value, "a number from 1 to 10")
+    return float(plain)
 
 
 def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: How) -> DesignFolder | None:

@@ -6,8 +6,10 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from measurement.arguments import checked, place
 from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import brief
+from measurement.wording import known_are
 from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS
 from softmodels.case.material_errors import MaterialErrors
@@ -23,10 +25,13 @@ from softmodels.design.asked import (
     in_words,
 )
 from softmodels.design.errors import DesignError
-from softmodels.design.free import Free, closest, crossed_corners, free_parameters
+from softmodels.design.free import Free, crossed_corners, free_parameters
+from softmodels.design.loads import Load
 from softmodels.design.quantities.base import Quantity
+from softmodels.design.quantities.gaps import LeastGap
 from softmodels.design.tolerances import tolerances_of
 from softmodels.design.units import read
+from softmodels.mechanics.walls.part import Walls
 
 OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
 """What can be asked for, with the sign under which it is minimised."""
@@ -36,6 +41,7 @@ ROOM = 1.15
 """How far above the limit pressure that is asked for a limit point is looked for: where it lies farther, it is no limit."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True, eq=False)
 class DesignProblem:
     """A design problem. Numbers are in SI units, texts carry a unit.
@@ -46,7 +52,8 @@ class DesignProblem:
             entries.
         maximise, minimise, follow: One of these: a quantity of `softmodels.design.quantities`, or a table that names one, such
             as ``{"quantity": "rise", "of": "tip", "at": "177 cm"}``. Several pressures make a mean, with optional ``weights``.
-        keep: What must hold: `Keep`, or tables with a quantity and ``at_least``, ``at_most`` or both.
+        keep: What must hold: `Keep`, or tables with a quantity and ``at_least``, ``at_most`` or both. Where walls of the device
+            can meet, ``least_gap`` has to be at least 0 at every state that is asked for, unless it is limited here.
         tolerances: Standard deviations of fabrication by parameter; with them limits hold with 95 %.
         material_errors: A fitted material (``fitted.toml`` of `softmodels fit`), whose errors count likewise.
         name: Of the results; the case's if empty.
@@ -67,6 +74,8 @@ class DesignProblem:
     name: str = ""
     folder: Path | None = dataclasses.field(default=None, repr=False)
     bare: bool = dataclasses.field(default=True, repr=False)
+    written: Mapping[str, object] = dataclasses.field(default_factory=dict, repr=False)
+    """The case's tables as its file has them; empty of a case from Python."""
     free: tuple[Free, ...] = dataclasses.field(init=False, default=())
     terms: tuple[Term, ...] = dataclasses.field(init=False, default=())
     objective: str = dataclasses.field(init=False, default="")
@@ -82,16 +91,26 @@ class DesignProblem:
             raise DesignError(str(error)) from None
 
     def _settle(self) -> None:
-        case = self.case if isinstance(self.case, Case) else Case.from_file(_place(self.case, self.folder))
+        if not isinstance(self.name, str):
+            raise DesignError(f"name is {brief(self.name)}; it must be a text that can name files")
+        if self.folder is not None:
+            object.__setattr__(self, "folder", place("folder", self.folder, "a folder"))
+        case = self.case
+        if not isinstance(case, Case):
+            file = _place(case, self.folder)
+            case = Case.from_file(file)
+            object.__setattr__(self, "written", read_toml(file))
         _check_load(case)
         reader = Reader(case, _registry(), self.bare, self.folder)
         free = free_parameters(case.actuator, _table(self.parameters, "parameters"), self.bare)
         objective, terms = self._objective(reader)
         errors = _errors(self.material_errors, case, self.folder)
+        deviations = {} if self.tolerances is None else self.tolerances
+        limits = [keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")]
         settled: dict[str, object] = {
             "case": case, "free": free, "objective": objective, "terms": terms,
-            "limits": tuple(keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")),
-            "spreads": tolerances_of(case.actuator, _table(self.tolerances or {}, "tolerances"), self.bare),
+            "limits": (*limits, *_walls_apart(case, terms, limits)),
+            "spreads": tolerances_of(case.actuator, _table(deviations, "tolerances"), self.bare),
             "errors": errors, "name": self.name or case.name,
             "notes": tuple(filter(None, [crossed_corners(case.actuator, free)])),
         }  # fmt: skip
@@ -196,15 +215,16 @@ class DesignProblem:
     def _from_tables(cls, tables: dict[str, object], folder: Path | None) -> DesignProblem:
         for key in tables:
             if key not in TABLES:
-                raise DesignError(f"the problem has an unknown entry {key!r}; {closest(key, TABLES)}")
+                raise DesignError(f"the problem has an unknown entry {key!r}; {known_are(key, TABLES)}")
         if "case" not in tables:
             raise DesignError('the problem has no case; give a case file, case = "slab.toml", or a [case] table')
         values = {key: value for key, value in tables.items() if key != "case"}
         case = tables["case"]
         try:
+            written = case if isinstance(case, dict) else {}
             if isinstance(case, dict):
-                case = Case._from_tables(case, folder)
-            return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False)  # type: ignore[arg-type]
+                case = Case._from_tables(dict(case), folder)
+            return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False, written=written)  # type: ignore[arg-type]
         except INPUT_ERRORS as error:
             raise DesignError(str(error)) from None
 
@@ -230,6 +250,8 @@ def _table(value: object, what: str) -> Mapping[str, object]:
 def _list(value: object) -> Sequence[object]:
     if isinstance(value, list | tuple):
         return value
+    if isinstance(value, Keep):
+        return [value]
     raise DesignError(f"{brief(value)} is no list; each limit begins with a line [[keep]]")
 
 
@@ -268,7 +290,11 @@ def _check_load(case: Case) -> None:
 
 def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
     if isinstance(entry, Keep):
-        found = [dataclasses.replace(entry, quantity=one) for one in reader.quantities(entry.quantity, where)]
+        sides = {side: getattr(entry, side) for side in LIMITS}
+        found = [
+            Keep(one, *(reader.limit(sides, side, one, where) for side in LIMITS))
+            for one in reader.quantities(entry.quantity, where)
+        ]
     else:
         table = _table(entry, where)
         found = [
@@ -278,6 +304,21 @@ def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
     for keep in found:
         check_limits(keep, where)
     return found
+
+
+def _walls_apart(case: Case, terms: Sequence[Term], limits: Sequence[Keep]) -> list[Keep]:
+    """Limits that keep walls apart at every state where anything is asked of a device whose walls can meet.
+
+    None where the case lets walls pass through each other (walls = "none"), or limits the gap itself.
+    """
+    given = [keep.quantity for keep in limits]
+    if not any(isinstance(part, Walls) and part.automatic for part in case.parts) or any(
+        isinstance(one, LeastGap) for one in given
+    ):
+        return []
+    asked = [one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "parts", (whole,))]
+    loads = sorted({load for one in asked if isinstance(load := getattr(one, "load", None), Load)})
+    return [Keep(LeastGap(at=load), at_least=0.0) for load in loads]
 
 
 def _check_walls(case: Case, keep: Keep) -> None:

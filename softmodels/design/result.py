@@ -14,10 +14,11 @@ from geometries.parameters import changed
 from softmodels.case.case import Case
 from softmodels.design.asked import in_words, label
 from softmodels.design.cases import case_of
-from softmodels.design.formulation import Formulation
+from softmodels.design.formulation import Formulation, Row
 from softmodels.design.intervals import Told, recovered
 from softmodels.design.multipliers import Holding
 from softmodels.design.problem import DesignProblem
+from softmodels.design.quantities.gaps import LeastGap
 from softmodels.design.tolerances import SURE
 from softmodels.design.trials import Trial
 
@@ -82,6 +83,11 @@ class StartEnd:
         if self.feasible:
             return bool(self.trouble), False, self.form.problem.sign * self.objective
         return bool(self.trouble), True, self.passed
+
+
+def _overlaps(row: Row, values: Mapping[str, float]) -> bool:
+    """Whether a limit's value says that walls overlap."""
+    return isinstance(row.keep.quantity, LeastGap) and values[row.key] < 0.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -186,6 +192,11 @@ class DesignResult:
         return [
             f"{row.words} is {in_words(row.keep.quantity, self.values[row.key])}, and has to be "
             f"{'at most' if row.sign > 0 else 'at least'} {in_words(row.keep.quantity, row.limit)}"
+            + (
+                ": walls pass through each other, so the other values are of no real device"
+                if _overlaps(row, self.values)
+                else ""
+            )
             for row, violation in zip(self.form.rows, violations, strict=True)
             if violation > FRESH_LIMIT
         ]

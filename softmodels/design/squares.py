@@ -12,6 +12,8 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from measurement.read_only import keep_arrays
+
 Array = npt.NDArray[np.float64]
 
 
@@ -30,6 +32,9 @@ class Squares:
     run: float
     sigma: float
     triangle: Array
+
+    def __post_init__(self) -> None:
+        keep_arrays(self)
 
     @classmethod
     def of(cls, residuals: Array, jacobian: Array, run: float = 1.0, sigma: float = 0.0) -> Self:

@@ -61,6 +61,7 @@ class WorkingStates:
         limit: The limit point; None if there is none up to ``highest``, or none is looked for.
         bifurcation: The first bifurcation, likewise.
         newton: Newton iterations since it was last set to zero.
+        carried: Whether the states follow from those of another design, and not along the path from the undeformed state.
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class WorkingStates:
         self._bifurcations = bifurcations
         self._witness: State | None = None
         self.newton = 0
+        self.carried = False
         self._rest_volume = 0.0
 
     # -- along the path -------------------------------------------------------------------------------------------------
@@ -89,7 +91,7 @@ class WorkingStates:
             DesignFailure: A load is not met.
         """
         self.states, self.limit, self.bifurcation, self._witness = {}, None, None, None
-        self._rest_volume = self.design.volume_at_rest()
+        self._rest_volume, self.carried = self.design.volume_at_rest(), False
         by_pressure = sorted(load for load in self.loads if load.kind == PRESSURE)
         self._trace_pressures(by_pressure)
         by_volume = sorted(load for load in self.loads if load.kind == VOLUME)
@@ -196,7 +198,7 @@ class WorkingStates:
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
-        self.known = Known(rest, found, limit, witness, forked)
+        self.known, self.carried = Known(rest, found, limit, witness, forked), True
 
     def _upwards(self, state: State, rest: float) -> tuple[LimitPoint | None, State | None]:
         """The limit point along the path from a state below it, or the state at the highest pressure.

@@ -6,11 +6,13 @@ import dataclasses
 
 import numpy as np
 
+from measurement.units import brief
+from measurement.wording import known_are
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.soundness import Judgement
+from softmodels.materials.homogeneous import secant_modulus
 from softmodels.materials.material import Material
 from softmodels.materials.silicones import PRODUCTS, named, silicone_called
-from softmodels.materials.specimens import respond
 from softmodels.materials.spread import product_of
 
 CASTABLE = (5e3, 1.5e6)
@@ -55,7 +57,7 @@ class Expected:
         """Lowest and highest believable secant shear modulus in Pa at a stretch."""
         if not self.curves:
             return CASTABLE
-        moduli = [secant(curve, stretch) for curve in self.curves]
+        moduli = [secant_modulus(curve, stretch) for curve in self.curves]
         return min(moduli) / self.room[0], max(moduli) * self.room[1]
 
 
@@ -77,7 +79,7 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
         return Expected("the case's own material", (material,), GUESS, False)
     curves = published(name)
     if not curves:
-        raise FitError(f"silicone {name!r} is unknown; known are {', '.join(PRODUCTS)}, and any")
+        raise FitError(f"silicone {brief(name)} is unknown; {known_are(name, PRODUCTS, ', and any')}")
     return Expected(f"published curves of {name}", curves, ROOM if len(curves) > 1 else ALONE, True)
 
 
@@ -85,12 +87,6 @@ def published(name: str) -> tuple[Material, ...]:
     """Laws of all sources that have pulled the product that a name means, whichever source the name stands for."""
     sources = PRODUCTS.get(product_of(name), ()) if silicone_called(name) else ()
     return tuple(one.material for one in sources if one.pulled)
-
-
-def secant(material: Material, stretch: float) -> float:
-    """Shear modulus in Pa of the neo-Hookean specimen with the same nominal stress at a uniaxial stretch."""
-    soft: Material = dataclasses.replace(material, poisson=0.5)  # type: ignore[call-arg]
-    return float(respond(soft, [stretch]).stress[0]) / (stretch - stretch**-2)
 
 
 def objection(material: Material, largest: float, known: Expected) -> str:
@@ -102,7 +98,7 @@ def objection(material: Material, largest: float, known: Expected) -> str:
         known: What its silicone leads to.
     """
     stretch = min(STRETCH, max(largest, 1.05))
-    modulus, (low, high) = secant(material, stretch), known.range(stretch)
+    modulus, (low, high) = secant_modulus(material, stretch), known.range(stretch)
     if low <= modulus <= high:
         return ""
     side = f"{low / modulus:.3g} times below" if modulus < low else f"{modulus / high:.3g} times above"

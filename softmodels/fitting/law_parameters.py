@@ -15,8 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import nnls
 
+from measurement.units import brief
+from measurement.wording import meant
 from softmodels.fitting.problem import FitError, Parameter
-from softmodels.materials.material import LAWS, Material, MaterialError
+from softmodels.materials.material import LAWS, Material, MaterialError, parameter_fields
 
 Array = npt.NDArray[np.float64]
 Design = Callable[[Material, Sequence[str]], Array]
@@ -54,7 +56,7 @@ class LawChoice:
         found = re.fullmatch(r"(.*\D)([1-9])", text)
         law = LAWS.get(found[1]) if found else None
         if found is None or law is None or not law.most_terms:
-            raise FitError(f"law {text!r} is unknown; known are {known_laws()} and all")
+            raise FitError(f"law {text!r} is unknown; known are {known_laws()} and all{meant(text, [*LAWS, 'all'])}")
         terms = int(found[2])
         if terms > law.most_terms:
             raise FitError(f"law {text!r}: at most {law.most_terms} terms of {law.title or law.name} can be told apart")
@@ -81,13 +83,14 @@ class LawChoice:
         """Unit of one of `names`."""
         return self.law.parameter_unit(name)
 
-    def material(self, values: Mapping[str, float]) -> Material:
-        """The material with these numbers.
+    def material(self, values: Mapping[str, float], stretches: tuple[float, float] | None = None) -> Material:
+        """The material with these numbers, which were fitted over a range of stretch.
 
         Raises:
             MaterialError: The law cannot take them.
         """
-        return self.law.from_parameters(values, self.terms, self.poisson)
+        made = self.law.from_parameters(values, self.terms, self.poisson)
+        return made if stretches is None else dataclasses.replace(made, fitted_stretch=stretches)
 
     def parameters(self, start: Mapping[str, float]) -> tuple[Parameter, ...]:
         """Parameters with the law's own bounds about a start."""
@@ -115,10 +118,18 @@ def law_choices(laws: Laws, poisson: float = 0.5) -> list[LawChoice]:
         raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
     if isinstance(laws, str):
         laws = all_laws() if laws.strip() == "all" else [part.strip() for part in laws.split(",")]
-    several = laws if isinstance(laws, Sequence) else [laws]
+    chosen: list[str | type[Material]] = list(laws) if isinstance(laws, list | tuple) else [laws]  # type: ignore[list-item]
+    for law in chosen:
+        if not isinstance(law, str) and not (
+            isinstance(law, type) and issubclass(law, Material) and law is not Material
+        ):
+            hint = "; give its class, without its numbers" if isinstance(law, Material) else ""
+            raise FitError(f"law {brief(law)} is none; it is a name such as 'yeoh', or a class such as sm.Yeoh{hint}")
+    if not chosen:
+        raise FitError(f"there is no law to fit; known are {known_laws()} and all")
     choices = [
         LawChoice.from_text(law, poisson) if isinstance(law, str) else LawChoice.from_law(law, poisson)
-        for law in several
+        for law in chosen
     ]
     names = [choice.name for choice in choices]
     if len(set(names)) < len(names):
@@ -178,7 +189,7 @@ def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: floa
 
     Each factor has the sign that gives its term a shear modulus above zero (Ogden's mu_i alpha_i).
     """
-    fields = {field.name: field.metadata for field in dataclasses.fields(choice.law) if field.metadata["many"]}
+    fields = {field.name: field.metadata for field in parameter_fields(choice.law) if field.metadata["many"]}
     factor = next(name for name, about in fields.items() if about["unit"] == "Pa")
     shape = next(name for name, about in fields.items() if about["grid"])
     grid = fields[shape]["grid"]

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from types import MappingProxyType
 
+from geometries.errors import FieldError
+from geometries.kinds import Flag, Kind, Quantity, Several, Words
 from measurement import wording
+from measurement.arguments import checked
+from measurement.units import brief
+from measurement.wording import meant
 from softmodels.fitting.problem import Changes, FitError
 
 for _option, _argument in (("fix", "FitOptions.changes of"), ("untrusted", "FitOptions(untrusted=True)")):
@@ -19,6 +25,7 @@ HEIGHTS_FROM = ("shadow", "apex", "undeformed")
 there, or its undeformed top."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class FitOptions:
     """How laws are fitted.
@@ -51,8 +58,27 @@ class FitOptions:
     heights_from: str = ""
 
     def __post_init__(self) -> None:
+        texts = Several(Words())
+        kinds: dict[str, Kind] = {
+            "poisson": Quantity(), "gauge_error": Quantity(), "robust": Flag(), "profiles": Flag(), "untrusted": Flag(),
+            "stress_error": Words(), "heights_from": Words(), "free": texts, "without": texts,
+        }  # fmt: skip
+        for name, kind in kinds.items():
+            value = getattr(self, name)
+            try:
+                settled = kind.settled(name, (value,) if kind is texts and isinstance(value, str) else value)
+            except FieldError as error:
+                raise FitError(str(error)) from None
+            object.__setattr__(self, name, settled)
+        if not isinstance(self.silicone, str | None):
+            raise FitError(f"silicone is {brief(self.silicone)}; it must be the name of one, such as 'ecoflex-00-30'")
+        if not isinstance(self.changes, Mapping) or not all(isinstance(one, Mapping) for one in self.changes.values()):
+            raise FitError(
+                f"changes is {brief(self.changes)}; it must be a table by parameter, such as {{'c1': {{'value': 14e3}}}}"
+            )
         if self.heights_from not in ("", *HEIGHTS_FROM):
-            raise FitError(f"heights_from is {self.heights_from!r}; it is one of {', '.join(HEIGHTS_FROM)}")
+            known = f"{', '.join(HEIGHTS_FROM)}{meant(self.heights_from, HEIGHTS_FROM)}"
+            raise FitError(f"heights_from is {self.heights_from!r}; it is one of {known}")
         if not 0.0 <= self.gauge_error < 1.0:
             raise FitError(f"a gauge error of {self.gauge_error:g} is not a share between 0 and 100 %")
 

@@ -9,6 +9,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from measurement.read_only import keep_arrays
 from softmodels.fitting.problem import CannotEvaluate, Parameter, Problem, loss_of
 from softmodels.fitting.result import LeastSquaresFit
 
@@ -42,6 +43,9 @@ class Profile:
     limit: float
     interval: tuple[float, float]
     trouble: str
+
+    def __post_init__(self) -> None:
+        keep_arrays(self)
 
 
 def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri, stdtrit
 
+from measurement.read_only import keep_arrays, read_only
 from softmodels.fitting.problem import Parameter, Problem
 from softmodels.fitting.residual_groups import GroupSummary, Rows, autocorrelation_time
 
@@ -75,6 +76,9 @@ class LeastSquaresFit:
     troubles: tuple[str, ...]
     shared: Array | None = None
 
+    def __post_init__(self) -> None:
+        keep_arrays(self)
+
     @property
     def free(self) -> list[Parameter]:
         return [p for p in self.parameters if not p.fixed]
@@ -107,7 +111,7 @@ class LeastSquaresFit:
         r = self.residuals[: self.count]
         if self.loss == "linear":
             return r, 1.0
-        return r / np.sqrt(1 + r**2), float(np.mean((1 + r**2) ** -1.5))
+        return read_only(r / np.sqrt(1 + r**2)), float(np.mean((1 + r**2) ** -1.5))
 
     @functools.cached_property
     def scatter(self) -> float:
@@ -145,17 +149,17 @@ class LeastSquaresFit:
         full = np.full((len(self.free), len(self.free)), np.nan)
         if inside:
             full[np.ix_(inside, inside)] = self._sandwich(self.jacobian[:, inside])
-        return full + self.considered
+        return read_only(full + self.considered)
 
     @functools.cached_property
     def considered(self) -> Array:
         """The part of the covariance that `shared` errors make, shape (m, m)."""
         if self.shared is None:
-            return np.zeros((len(self.free), len(self.free)))
+            return read_only(np.zeros((len(self.free), len(self.free))))
         inside = [p.name not in self.at_bounds for p in self.free]
         J = self.jacobian[: self.count] * inside
         moved = np.linalg.pinv(J, rcond=BLIND) @ self.shared
-        return np.asarray(moved @ moved.T)
+        return read_only(np.asarray(moved @ moved.T))
 
     def _sandwich(self, J: Array) -> Array:
         size = np.linalg.norm(J, axis=0)
@@ -243,7 +247,7 @@ class LeastSquaresFit:
         """Correlations of the free parameters' estimates, shape (m, m); nan where there is no variance."""
         with np.errstate(invalid="ignore"):
             sizes = np.sqrt(np.diag(self.covariance))
-            return self.covariance / np.outer(sizes, sizes)
+            return read_only(np.asarray(self.covariance / np.outer(sizes, sizes)))
 
     # -- how well it fits ---------------------------------------------------------------------------------------------
 

@@ -7,16 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
+from measurement.arguments import checked, flag, several, span
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.fitting.curves.columns import TensileError
-from softmodels.fitting.curves.curve import TensileCurve, read_curve
-from softmodels.fitting.curves.fit_curves import prepared
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.fit_curves import Curves, prepared
 from softmodels.fitting.curves.stress_error import RELATIVE, StressError
 from softmodels.fitting.problem import FitError
 from softmodels.fitting.scoring import Score, score_curve, score_outlines
 from softmodels.materials.material import Material
-from softmodels.materials.silicones import named
+from softmodels.materials.silicones import material_of, named
 from softmodels.materials.stability import described
 from softmodels.mechanics.mpi import start
 
@@ -25,11 +26,11 @@ if TYPE_CHECKING:
 
     from softmodels.fitting.outlines.measured_device import MeasuredDevice
 
-type Materials = Material | Sequence[Material] | Mapping[str, Material]
-type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
+type Materials = Material | str | Sequence[Material | str] | Mapping[str, Material | str]
 type Outlines = Path | str | Sequence[Outline | Path | str]
 
 
+@checked
 def score(
     materials: Materials,
     curves: Curves = (),
@@ -46,7 +47,8 @@ def score(
     a fit. Under MPI all ranks call it.
 
     Args:
-        materials: One, several, or by name; without a name each is called by its law and numbers, or as the silicone it is.
+        materials: One, several, or by name, each a material or a silicone's name; without a name each is called by its law and
+            numbers, or as the silicone it is.
         curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
         device: What was inflated, with ``outlines``.
         outlines: Outlines of it, or the files or folders that a measurement has written.
@@ -62,15 +64,15 @@ def score(
         FitError: Outlines cannot be used, or the device has no such states under a material.
     """
     known = _named(materials)
-    several = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
-    read = [one if isinstance(one, TensileCurve) else read_curve(Path(one)) for one in several]
-    given = [outlines] if isinstance(outlines, str | Path) else list(outlines)
+    measured = several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
+    ready = prepared(measured, span("stretch", stretch)) if measured else []
+    given = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
+    flag("untrusted", untrusted)
     if (device is None) != (not given):
         raise FitError("a device and its outlines belong together; give both, or neither")
-    if not read and not given:
+    if not ready and not given:
         raise FitError("there is nothing to score against; give a tensile curve, or a device with its outlines")
     error = error_of(stress_error)
-    ready = prepared(read, stretch) if read else []
     scores = [score_curve(name, one, curve, error) for curve in ready for name, one in known.items()]
     if device is not None:
         scores += against_outlines(known, device, outlines_of(given, untrusted), start())
@@ -128,11 +130,12 @@ def _named(materials: Materials) -> dict[str, Material]:
         FitError: None, or one twice.
     """
     if isinstance(materials, Mapping):
-        found = dict(materials)
+        found = {str(name): material_of(f"material {name}", one) for name, one in materials.items()}
     else:
-        several = [materials] if isinstance(materials, Material) else list(materials)
-        found = {named(one) or described(one): one for one in several}
-        if len(found) < len(several):
+        wanted = "a material, or the name of a silicone"
+        given = [material_of("material", one) for one in several("materials", materials, (Material, str), wanted)]
+        found = {named(one) or described(one): one for one in given}
+        if len(found) < len(given):
             raise FitError("a material is given twice")
     if not found:
         raise FitError("there is nothing to score; give a material")

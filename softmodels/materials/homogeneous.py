@@ -60,6 +60,11 @@ def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "unia
     return energy_slope(material, stretch, mode) / MODES[mode][1]
 
 
+def secant_modulus(material: Material, stretch: float) -> float:
+    """Shear modulus in Pa of the neo-Hookean specimen with the same nominal stress at a uniaxial stretch."""
+    return float(nominal_stress(material, stretch)) / (stretch - stretch**-2)
+
+
 def uniaxial_compressible(material: Material, stretch: npt.ArrayLike) -> tuple[Array, Array]:
     """Uniaxial tension of a law with its own bulk; at ``poisson = 0.5`` the incompressible result.
 

@@ -12,6 +12,9 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
+from geometries.errors import FieldError
+from geometries.kinds import Quantity, Several
+from measurement.arguments import checked
 from softmodels.materials.material import (
     LAWS,
     Material,
@@ -75,8 +78,6 @@ class NeoHookean(Material):
         if values.keys() <= {"shear_modulus", "poisson"}:
             return cls(**values)
         if values.keys() <= {"young", "poisson"}:
-            if values.get("poisson") == -1.0:
-                raise MaterialError("neo-hookean: poisson = -1 is outside -1 to 0.5")  # ahead of a division by zero
             return cls.from_young(**values)
         if values.keys() == {"c1", "d1"}:
             return cls.from_c1_d1(**values)
@@ -86,13 +87,19 @@ class NeoHookean(Material):
         )
 
     @classmethod
+    @checked
     def from_young(cls, young: float, poisson: float = 0.49) -> NeoHookean:
         """From Young's modulus in Pa: mu = E / (2 (1 + nu))."""
+        young, poisson = _number(cls, "young", young), _number(cls, "poisson", poisson, "")
+        if poisson == -1.0:
+            raise MaterialError("neo-hookean: poisson = -1 is outside -1 to 0.5")  # ahead of a division by zero
         return cls(young / (2 * (1 + poisson)), poisson)
 
     @classmethod
+    @checked
     def from_c1_d1(cls, c1: float, d1: float) -> NeoHookean:
         """From the thesis' constants in Pa: mu = 2 C1, lambda = 2 D1."""
+        c1, d1 = _number(cls, "c1", c1), _number(cls, "d1", d1)
         if c1 + d1 == 0.0:
             raise MaterialError("neo-hookean: c1 + d1 is zero, so Poisson's ratio does not exist")
         return cls(2 * c1, d1 / (2 * (c1 + d1)))
@@ -230,11 +237,25 @@ class Ogden(Material):
         return cls.from_two_mu(**values) if convention == cls.conventions[1] else cls(**values)
 
     @classmethod
+    @checked
     def from_two_mu(cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = 0.49) -> Ogden:
         """From the convention W = sum 2 mu_i/alpha_i^2 (...), in which the shear modulus is the sum of the mu_i (Pa)."""
+        try:
+            mu = Several(Quantity("Pa")).settled("mu", mu)  # type: ignore[assignment]
+            alpha = Several(Quantity()).settled("alpha", alpha)  # type: ignore[assignment]
+        except FieldError as error:
+            raise MaterialError(f"ogden: {error}") from None
         if len(mu) != len(alpha) or 0.0 in alpha:
             raise MaterialError("ogden: mu and alpha come in pairs, and no alpha is zero")
         return cls(tuple(2 * m / a for m, a in zip(mu, alpha, strict=True)), tuple(alpha), poisson)
+
+
+def _number(law: type[Material], name: str, value: object, unit: str = "Pa") -> float:
+    """A number that stands in for a parameter; `MaterialError` if it is none."""
+    try:
+        return Quantity(unit).settled(name, value)
+    except FieldError as error:
+        raise MaterialError(f"{law.name}: {error}") from None
 
 
 def _terms(values: Expression) -> range:

@@ -14,6 +14,9 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from geometries.errors import FieldError
+from geometries.kinds import Quantity, Several
+from measurement.arguments import checked
 from measurement.wording import Spoken
 from softmodels.materials.strain import Expression, StrainMeasures
 
@@ -23,6 +26,10 @@ Values = Mapping[str, Any]
 
 Parameters = Any
 """Carries a law's parameters by name: a material (numbers), or UFL constants, so that new values compile nothing."""
+
+
+SOFTEST = 500.0
+"""Shear modulus in Pa below which no silicone is: of the softest gels, with room."""
 
 
 class MaterialError(Spoken, ValueError):
@@ -57,6 +64,22 @@ def poissons_ratio() -> float:
     return parameter("", "Poisson's ratio at small strain, -1 to 0.5", 0.49, bounds=(-1.0, 0.5))
 
 
+def parameter_fields(law: Material | type[Material]) -> list[dataclasses.Field[Any]]:
+    """The fields of a law that are its `parameter`s, in their order."""
+    return [field for field in dataclasses.fields(law) if "unit" in field.metadata]
+
+
+def _check_range(law: str, stretches: tuple[float, float] | None) -> None:
+    if stretches is None:
+        return
+    try:
+        low, high = map(float, stretches)
+    except (TypeError, ValueError):
+        low, high = math.nan, math.nan
+    if not 0.0 < low < high < math.inf:
+        raise MaterialError(f"{law}: fitted_stretch = {stretches} is no range of stretch; write it like [1.02, 3.0]")
+
+
 @dataclasses.dataclass(frozen=True)
 class Material:
     """Interface of a law. Parameters are in Pa or dimensionless; see each class.
@@ -73,6 +96,8 @@ class Material:
         isochoric: Whether `shape` is of the isochoric strain alone.
         conventions: Ways in which the same parameters are written, the law's own first; empty where there is one alone.
         convention_help: What the conventions are.
+        fitted_stretch: Range of stretch that the parameters were fitted over; None where that is not known. It is no part of
+            the law: two materials that differ in it alone are equal.
     """
 
     name: ClassVar[str]
@@ -85,13 +110,21 @@ class Material:
     isochoric: ClassVar[bool] = True
     conventions: ClassVar[tuple[str, ...]] = ()
     convention_help: ClassVar[str] = ""
+    fitted_stretch: tuple[float, float] | None = dataclasses.field(
+        default=None, kw_only=True, compare=False, repr=False
+    )
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            values = getattr(self, field.name)
-            for value in values if isinstance(values, tuple) else (values,):
-                if not math.isfinite(value):
-                    raise MaterialError(f"{self.name}: {field.name} = {value} is not a finite number")
+        if type(self) is Material:
+            raise MaterialError("Material is what all laws have in common; take one of them, such as Yeoh")
+        _check_range(self.name, self.fitted_stretch)
+        for field in parameter_fields(self):
+            of = Quantity(field.metadata["unit"])
+            kind = Several(of) if field.metadata["many"] else of
+            try:
+                object.__setattr__(self, field.name, kind.settled(field.name, getattr(self, field.name)))
+            except FieldError as error:
+                raise MaterialError(f"{self.name}: {error}") from None
         if not -1.0 < self.poisson <= 0.5:
             raise MaterialError(f"{self.name}: poisson = {self.poisson:g} is outside -1 to 0.5")
         self.check()
@@ -99,6 +132,16 @@ class Material:
             raise MaterialError(
                 f"{self.name}: the shear modulus at small strain is {self.shear_modulus_0:g} Pa; it must be above zero"
             )
+
+    @property
+    def doubt(self) -> str:
+        """Why its numbers are hardly meant: a sentence, empty for those of a silicone or of what is stiffer."""
+        if self.shear_modulus_0 >= SOFTEST:
+            return ""
+        return (
+            f"{self.name}: the shear modulus is {self.shear_modulus_0:.4g} Pa, and silicones have 5 to 500 kPa; numbers are in "
+            "Pa, so write kPa as a text such as '14 kPa'"
+        )
 
     # -- the energy ---------------------------------------------------------------------------------------------------
 
@@ -181,7 +224,7 @@ class Material:
     @classmethod
     def parameter_names(cls, terms: int = 0) -> tuple[str, ...]:
         """Names of its numbers but for Poisson's ratio, those of terms counted through: ``mu1``, ``alpha1``, ``mu2`` ..."""
-        single = [f.name for f in dataclasses.fields(cls) if not f.metadata["many"] and f.name != "poisson"]
+        single = [f.name for f in parameter_fields(cls) if not f.metadata["many"] and f.name != "poisson"]
         return (*single, *(f"{name}{i + 1}" for i in range(terms) for name in _term_fields(cls)))
 
     @classmethod
@@ -204,7 +247,7 @@ class Material:
         """
         single = {name: values[name] for name in cls.parameter_names()}
         many = {name: tuple(values[f"{name}{i + 1}"] for i in range(terms)) for name in _term_fields(cls)}
-        return cls(**single, **many, poisson=poisson)  # type: ignore[call-arg]
+        return cls(**single, **many, poisson=poisson)  # type: ignore[call-arg, arg-type]
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -238,7 +281,7 @@ class Material:
 
 
 def _term_fields(law: type[Material]) -> list[str]:
-    return [field.name for field in dataclasses.fields(law) if field.metadata["many"]]
+    return [field.name for field in parameter_fields(law) if field.metadata["many"]]
 
 
 def _plain(field: dataclasses.Field[Any]) -> float:
@@ -247,7 +290,7 @@ def _plain(field: dataclasses.Field[Any]) -> float:
 
 
 def _field(law: type[Material], name: str) -> dataclasses.Field[Any]:
-    fields = {field.name: field for field in dataclasses.fields(law)}
+    fields = {field.name: field for field in parameter_fields(law)}
     return fields[name] if name in fields else fields[name.rstrip("0123456789")]
 
 
@@ -261,6 +304,7 @@ def register[Law: type[Material]](law: Law) -> Law:
     Raises:
         ValueError: Another law has this name.
     """
+    checked(law)
     if LAWS.get(law.name, law) is not law:
         raise ValueError(f"there is a law of the name {law.name!r} already: {LAWS[law.name].__name__}")
     LAWS[law.name] = law

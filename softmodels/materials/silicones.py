@@ -2,7 +2,8 @@
 
 A modulus without its fit range means nothing: the neo-Hookean modulus of one and the same Ecoflex 00-30 specimen is 15 kPa
 up to stretch 1.5 and 58 kPa over its whole curve. Batches, rates and laboratories differ too: the sources of one product lie
-a factor of two and more apart. Use these to begin with, at both ends of their spread, and your own fit to conclude.
+a factor of two and more apart. A product's plain name means its middle source (`middle`). Use these to begin with, over their
+whole spread, and your own fit to conclude.
 
 Parameters of measured curves are least-squares fits made here, and say so; what was published as numbers is given as it was.
 """
@@ -10,12 +11,20 @@ Parameters of measured curves are least-squares fits made here, and say so; what
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
+from measurement.arguments import checked, one_of
+from measurement.units import brief
+from measurement.wording import known_are
+from softmodels.materials.homogeneous import secant_modulus
 from softmodels.materials.laws import Ogden, Yeoh
 from softmodels.materials.material import Material, MaterialError
 
 PSI = 6894.757293168
 """Pa."""
+WORKING_STRETCH = 1.5
+"""Uniaxial stretch at which the sources of a product are compared: where actuators work, and within the range of every source
+in tension (but for `JOHNSTON`'s, whose law is neo-Hookean)."""
 RUBBER = 0.5
 """Poisson's ratio: rubber's bulk modulus is some 1e5 times its shear modulus, and the fits take it for incompressible."""
 
@@ -179,26 +188,45 @@ PRODUCTS: dict[str, tuple[Silicone, ...]] = {
     "elastosil-m4601": (Silicone(Yeoh(110e3, 20e3, 0.0, RUBBER), None, PNEUNETS),),
     "sylgard-184": (_johnston(1.32e6, "25c"), _johnston(2.97e6, "200c")),
 }
-"""Every source of every product, the one that the product's bare name means first. The strain of Marechal's curves is the
-crosshead's: the first few percent are less sure."""
+"""Every source of every product. The strain of Marechal's curves is the crosshead's: the first few percent are less sure."""
+
+
+def working_modulus(material: Material) -> float:
+    """Secant shear modulus in Pa at `WORKING_STRETCH`, by which sources are compared."""
+    return secant_modulus(material, WORKING_STRETCH)
+
+
+def in_tension(many: Sequence[Silicone]) -> list[Silicone]:
+    """Sources that were pulled, from the softest to the stiffest by `working_modulus`; compressed ones only if all are."""
+    pulled = [one for one in many if one.pulled] or list(many)
+    return sorted(pulled, key=lambda one: working_modulus(one.material))
+
+
+def middle(many: Sequence[Silicone]) -> Silicone:
+    """The source that a product's plain name means: the middle one in tension, of an even number the stiffer of the two.
+
+    The stiffer, since crosshead strain counts slip in the grips as strain, so that curves err on the soft side: measured
+    membranes of Ecoflex 00-30 and a measured beam of Dragon Skin 10 lie by the stiffer one.
+    """
+    ordered = in_tension(many)
+    return ordered[len(ordered) // 2]
+
 
 SILICONES: dict[str, Silicone] = {
-    product if i == 0 else f"{product}/{one.origin.key}": one
+    product if one is middle(many) else f"{product}/{one.origin.key}": one
     for product, many in PRODUCTS.items()
-    for i, one in enumerate(many)
+    for one in many
 }
-"""By name: the product alone for its first source, ``product/source`` for the others."""
+"""By name: the product alone for its `middle` source, ``product/source`` for the others."""
 
-OTHER_NAMES = {
-    "ecoflex-00-30-liao": "ecoflex-00-30/liao-2021",
-    **{f"{product}/{many[0].origin.key}": product for product, many in PRODUCTS.items()},
-}
-"""Names that mean one of `SILICONES`."""
+OTHER_NAMES = {f"{product}/{middle(many).origin.key}": product for product, many in PRODUCTS.items()}
+"""Full names of what `SILICONES` has under the product's name."""
+OTHER_NAMES["ecoflex-00-30-liao"] = OTHER_NAMES.get("ecoflex-00-30/liao-2021", "ecoflex-00-30/liao-2021")
 
 
 def silicone_called(name: str) -> Silicone | None:
     """The silicone of a name; None if there is none."""
-    return SILICONES.get(OTHER_NAMES.get(name, name))
+    return SILICONES.get(OTHER_NAMES.get(name, name)) if isinstance(name, str) else None
 
 
 def named(material: Material) -> str | None:
@@ -210,18 +238,66 @@ def named(material: Material) -> str | None:
     return None
 
 
-def stretch_at_break(material: Material) -> float | None:
-    """Uniaxial stretch at which the silicone that a material is broke; None if that is not known."""
+def stretches_of(material: Material) -> tuple[float, float] | None:
+    """Range of stretch that a material was fitted over: its own, else its silicone's; None if that is not known."""
     name = named(material)
-    elongation = SILICONES[name].elongation_at_break if name else None
-    return None if elongation is None else 1.0 + elongation
+    return material.fitted_stretch or (SILICONES[name].stretches if name else None)
 
 
+def extrapolated(material: Material, stretch: float) -> str:
+    """A sentence where a stretch lies beyond what a material was fitted over; empty where it does not, or nobody knows."""
+    stretches = stretches_of(material)
+    if stretches is None or stretch <= stretches[1]:
+        return ""
+    return (
+        f"the largest stretch, {stretch:.3g}, lies beyond {stretches[1]:.4g}, up to which "
+        f"{named(material) or f'this {material.name} law'} was fitted: results beyond that are an extrapolation"
+    )
+
+
+def broken(material: Material) -> Silicone | None:
+    """The source that was pulled until it broke, of the silicone that a material is; None if that is not known.
+
+    The material's own source, or another one of the same product, the first to break.
+    """
+    name = named(material)
+    if name is None:
+        return None
+    own = SILICONES[name]
+    pulled = [one for one in PRODUCTS[name.partition("/")[0]] if one.elongation_at_break is not None]
+    return own if own in pulled else min(pulled, key=lambda one: one.elongation_at_break or 0.0, default=None)
+
+
+def stretch_at_break(material: Material) -> float | None:
+    """Uniaxial stretch at which the silicone that a material is broke, see `broken`; None if that is not known."""
+    source = broken(material)
+    return None if source is None or source.elongation_at_break is None else 1.0 + source.elongation_at_break
+
+
+def material_of(name: str, value: object) -> Material:
+    """A material, which may be given by its silicone's name.
+
+    Args:
+        name: What the argument is called.
+        value: The material, or the name of a silicone.
+
+    Raises:
+        MaterialError: There is no silicone of that name.
+        ArgumentError: It is neither.
+    """
+    if isinstance(value, str):
+        return silicone(value)
+    wanted = "a material, such as sm.Yeoh('14 kPa'), or the name of a silicone, such as 'ecoflex-00-30'"
+    return one_of(name, value, Material, wanted)
+
+
+@checked
 def silicone(name: str) -> Material:
     """The material of a named silicone.
 
     Args:
-        name: A product, such as ``"ecoflex-00-30"``, or one of its sources, such as ``"ecoflex-00-30/liao-2021"``.
+        name: A product, such as ``"ecoflex-00-30"``, for the `middle` of its sources, or one of them, such as
+            ``"ecoflex-00-30/marechal-2021"``.
 
     Raises:
         MaterialError: There is none of that name.
@@ -229,6 +305,6 @@ def silicone(name: str) -> Material:
     found = silicone_called(name)
     if found is None:
         raise MaterialError(
-            f"silicone {name!r} is unknown; known are {', '.join(PRODUCTS)}, and their sources (softmodels silicones)"
+            f"silicone {brief(name)} is unknown; {known_are(name, PRODUCTS, ', and their sources (softmodels silicones)')}"
         )
     return found.material

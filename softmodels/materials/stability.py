@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.materials.homogeneous import balloon_limit
-from softmodels.materials.material import Material, MaterialError
+from softmodels.materials.material import Material, MaterialError, parameter_fields
 from softmodels.materials.specimens import MODE_NAMES, log_strain_stiffness
 
 Array = npt.NDArray[np.float64]
@@ -80,7 +80,7 @@ def weakness(material: Material) -> str:
 def described(material: Material) -> str:
     """A law with its parameters: ``yeoh (c1 = 10 kPa, c2 = -0.1 kPa)``."""
     parts = []
-    for field in dataclasses.fields(material):
+    for field in parameter_fields(material):
         if field.name == "poisson":
             continue
         value = getattr(material, field.name)

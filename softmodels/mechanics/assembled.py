@@ -216,6 +216,10 @@ class AssembledTerms:
     def energy(self, w: Array) -> float:
         return sum((term.energy(w) for term in self._terms), 0.0)
 
+    def touches(self, w: Array) -> bool:
+        """Whether faces are pressed on in a state, on all ranks."""
+        return any(term.energy(w) > 0.0 for term in self._terms)
+
     def add_forces(self, w: Array, b: Array, held: bool = False) -> Array:
         """See `AssembledTerm.add_forces`; returns ``b``."""
         for term in self._terms:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
+    import ufl
     from dolfinx import fem
     from petsc4py import PETSc
 
@@ -40,6 +43,7 @@ class Assembly:
     _internal: list[fem.Form]
     _loads: list[list[fem.Form]]
     _products: Products
+    form: Callable[[ufl.Form], fem.Form]
 
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
         """Sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if ``held``.
@@ -112,16 +116,28 @@ class Assembly:
 
     def forces_and_loads(self) -> list[tuple[fem.Form, float]]:
         """The potential's derivative by w in the current state: compiled forms with their factors."""
-        return self._terms(len(self._loads))
-
-    def _terms(self, drivers: int) -> list[tuple[fem.Form, float]]:
-        """The same with the loads of the first drivers alone."""
-        loads = zip(self._loads[:drivers], -self.pressures[:drivers], strict=True)
+        loads = zip(self._loads, -self.pressures, strict=True)
         return [*((form, 1.0) for form in self._internal), *((form, factor) for load, factor in loads for form in load)]
 
-    def residual(self, dead: bool = True) -> Array:
-        """Derivative of the potential by each owned dof, held ones and rigid parts' too; dead loads count if ``dead``."""
-        found, drivers = np.zeros(self.n), len(self._loads)
-        for form, factor in self._terms(drivers if dead else drivers - len(self.dead.forms)):
+    @functools.cached_property
+    def _pressing(self) -> list[fem.Form]:
+        return [self.form(walls) for walls in self.potential.pressing()]
+
+    def surplus(self) -> Array:
+        """Forces on each owned dof that holders balance, with the sign of `residual`, and equal to it on free dofs.
+
+        On held dofs, and on rigid parts' as a whole, that is what holds them. The air pushes on its walls alone, see
+        `Body.pressing`, and all dead loads count.
+        """
+        found = self.residual()
+        for pressure, (load,), walls in zip(self.pressures, self._loads, self._pressing, strict=False):
+            found += pressure * self.assemble([load], held=True)
+            found -= pressure * self.assemble([walls], held=True)
+        return found
+
+    def residual(self) -> Array:
+        """Derivative of the potential by each owned dof, held ones and rigid parts' too."""
+        found = np.zeros(self.n)
+        for form, factor in self.forces_and_loads():
             found += factor * self.assemble([form], held=True)
         return self.assembled.add_forces(self.w.x.array, found, held=True)

@@ -230,6 +230,24 @@ class Body:
         integrand, ds = self.volume_integrand(w), self._on_facets(self.cavity)
         return [integrand * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
 
+    def pressing(self, w: Expr, test: Expr) -> list[ufl.Form]:
+        """UFL forms of the work of a unit pressure on the cavities' walls, one for each: forces on these walls alone.
+
+        On dofs that are free they are the derivatives of `volumes`. These are others at the rim of an opening, where a support
+        holds it: a rim that moved would tilt what closes the cavity there, which is no force of the air on the rim.
+
+        Args:
+            w: The skew components.
+            test: Skew components of a test displacement.
+        """
+        import ufl
+
+        N, u = ufl.FacetNormal(self.mesh), self.displacement(test)
+        if self.axisymmetric:
+            u, N = ufl.as_vector([u[0], 0, u[1]]), ufl.as_vector([N[0], 0, N[1]])
+        work, ds = -ufl.dot(u, ufl.dot(ufl.cofac(self.deformation_gradient(w)), N)), self._on_facets(self.cavity)
+        return [work * self.hoop * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
+
     @property
     def chambers(self) -> npt.NDArray[np.float64]:
         """Volumes that rigid things enclose beside the cavities' walls, shape (k,); dimensionless, of the slice."""

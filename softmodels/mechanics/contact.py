@@ -23,9 +23,10 @@ import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
-from geometries.fields import field_of
+from geometries.fields import field_of, settle
 from geometries.kinds import Quantity, Words
 from geometries.selections import faces as plane_faces
+from measurement.arguments import checked
 from measurement.wording import Spoken
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import largest
@@ -54,6 +55,7 @@ class ObstacleError(Spoken, ValueError):
     """A plane or face that makes no contact; the message is a sentence for the user."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Obstacle:
     """A rigid plane without friction, and the faces that it stops.
@@ -88,10 +90,10 @@ class Obstacle:
     def __post_init__(self) -> None:
         if not (isinstance(self.faces, str) and self.roles and isinstance(self.plane, str) and self.plane):
             raise ObstacleError(self.needs)
-        number = isinstance(self.stiffness, int | float) and not isinstance(self.stiffness, bool)
-        if not number or not SOFTEST <= self.stiffness <= STIFFEST:
+        settle(self, ObstacleError)
+        if not SOFTEST <= self.stiffness <= STIFFEST:
             raise ObstacleError(
-                f"the contact's stiffness is {self.stiffness!r}; it is a number of shear moduli per size of the device, "
+                f"the contact's stiffness is {self.stiffness:g}; it is a number of shear moduli per size of the device, "
                 f"{SOFTEST:g} to {STIFFEST:g}, and {STIFFNESS:g} is usual"
             )
         if not self.on_cut:

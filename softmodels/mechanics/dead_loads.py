@@ -17,9 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.materials.material import Material
-from softmodels.mechanics.cell_measure import cell_measure
-from softmodels.mechanics.mpi import total
-from softmodels.mechanics.parts import Equations, Part, PartError
+from softmodels.mechanics.mpi import any_rank, total
+from softmodels.mechanics.parts import Equations, Matter, Part, PartError
 
 if TYPE_CHECKING:
     import ufl
@@ -47,7 +46,7 @@ class Loaded(Equations, Protocol):
     def material(self) -> Material: ...
     @property
     def n(self) -> int: ...
-    def assemble(self, forms: list[fem.Form]) -> Array: ...
+    def assemble(self, forms: list[fem.Form], held: bool = False) -> Array: ...
 
 
 class LoadPart(Part):
@@ -99,6 +98,14 @@ class LoadPart(Part):
         """What tells it from all other drivers: ``"gravity"``, ``"force.tip"``."""
         return f"{self.table}.{self.name}" if self.name else self.table
 
+    def idle(self, parts: Sequence[Part]) -> bool:
+        """Whether it pulls at nothing of the device, and only at what the device lifts.
+
+        Args:
+            parts: All that is added to the device.
+        """
+        return False
+
     @abc.abstractmethod
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         """Its distribution over the body.
@@ -116,13 +123,12 @@ class HeavyPart(Part):
     """A part with a mass of its own, which gravity pulls at."""
 
     @abc.abstractmethod
-    def masses(self, on: Spread, along: Array, density: float) -> list[Weighed]:
+    def masses(self, on: Spread, along: Array) -> list[Weighed]:
         """Its masses.
 
         Args:
             on: What they are spread over.
             along: Unit vector of gravity in the directions of the mesh.
-            density: In kg/m3, which all of the solid counts with: a region that is denser adds the difference.
 
         Returns:
             Of each its mean displacement along gravity as a form (`Spread.mean`), and the mass in kg on the whole device.
@@ -135,7 +141,8 @@ class Weighed:
 
     Attributes:
         forms: UFL integrals over the slice, linear in the test displacement, whose sum is of a unit magnitude on the slice.
-            They are compiled one by one: DOLFINx takes the faces of one form from one set of tags.
+            They are compiled one by one: DOLFINx takes the faces of one form from one set of tags. What acts on one face or in
+            one region is a form of its own, so that a rigid part can be told what is borne by it, see `DeadLoads.borne`.
         amount: Its magnitude, of the whole device, in SI units.
     """
 
@@ -168,32 +175,30 @@ class Spread:
 
         return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
 
-    def measure(self, role: str = "", region: str = "") -> Expr:
-        """Of the undeformed facets of a role, of a region, or of the whole body; of all the circle in a section."""
-        if region:
-            return cell_measure(self.body, self.body.regions[region])
-        return self.body.sheet_face(role)[0] if role else self.body.measures()[0]
+    def measure(self, over: str | Matter) -> Expr:
+        """Of the undeformed facets of a role, or of one of the body's materials; of all the circle in a section."""
+        return self.body.sheet_face(over)[0] if isinstance(over, str) else over.dx
 
-    def integral(self, density: Expr, role: str = "", region: str = "") -> float:
-        """Of a density over the undeformed facets of a role, over a region, or over the body."""
+    def integral(self, density: Expr, over: str | Matter) -> float:
+        """Of a density over the undeformed facets of a role, or over one of the body's materials."""
         from dolfinx import fem
 
-        return self.system.integral(fem.form(density * self.body.hoop * self.measure(role, region)))
+        return self.system.integral(fem.form(density * self.body.hoop * self.measure(over)))
 
-    def volume(self, region: str = "") -> float:
-        """Undeformed volume in m3 of a region, or of the body, of the whole device."""
+    def volume(self, matter: Matter) -> float:
+        """Undeformed volume in m3 of one of the body's materials, of the whole device."""
         actuator = self.body.actuator
-        return self.integral(self.constant(1.0), region=region) * actuator.size**3 * actuator.copies
+        return self.integral(self.constant(1.0), matter) * actuator.size**3 * actuator.copies
 
-    def mean(self, along: npt.ArrayLike, role: str = "", region: str = "") -> ufl.Form:
-        """Mean test displacement along a vector of the mesh over a face, a region, or the body."""
+    def mean(self, along: npt.ArrayLike, over: str | Matter) -> ufl.Form:
+        """Mean test displacement along a vector of the mesh over a face, or over one of the body's materials."""
         import ufl
 
-        size = self.integral(self.constant(1.0), role, region)
+        size = self.integral(self.constant(1.0), over)
         if not size > 0.0:
-            raise PartError(f"the face {role!r} has no facets on this mesh")
+            raise PartError(f"the face {over!r} has no facets on this mesh")
         vector = self.constant(np.asarray(along, dtype=float) / size)
-        return ufl.dot(vector, self.test) * self.body.hoop * self.measure(role, region)
+        return ufl.dot(vector, self.test) * self.body.hoop * self.measure(over)
 
 
 class DeadLoads:
@@ -218,7 +223,7 @@ class DeadLoads:
         from dolfinx import fem
 
         self.system = system
-        self.loads = [part for part in parts if isinstance(part, LoadPart)]
+        self.loads = [part for part in parts if isinstance(part, LoadPart) and not part.idle(parts)]
         spread = [part.spread(Spread(system), parts) for part in self.loads] if self.loads else []
         self.amounts = np.array([found.amount for found in spread], dtype=float)
         self.integrals = [found.forms for found in spread]
@@ -247,6 +252,22 @@ class DeadLoads:
             b.scatter_reverse(la.InsertMode.add)
             found.append(total(system.comm, float(b.array[: system.n] @ w)))
         return np.array(found)
+
+    def borne(self, dofs: npt.NDArray[np.int32], drives: Array) -> Array:
+        """The loads that act on some dofs alone, as the weight of a plate or a force on it do on the plate's, by owned dof.
+
+        Args:
+            dofs: The dofs; those of other ranks are not needed.
+            drives: Magnitudes of the loads, dimensionless, shape (loads,).
+        """
+        others, found = np.ones(self.system.n, dtype=bool), np.zeros(self.system.n)
+        others[dofs[dofs < self.system.n]] = False
+        for drive, forms in zip(drives, self.forms, strict=True):
+            for form in forms:
+                entries = self.system.assemble([form], held=True)
+                if not any_rank(self.system.comm, bool(entries[others].any())):
+                    found += drive * entries
+        return found
 
     @property
     def units(self) -> Array:

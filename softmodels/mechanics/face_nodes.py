@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -91,6 +92,17 @@ class FaceNodes:
         self.total_dofs = space.dofmap.index_map.size_global * block
         start, end = (int(bound) * block for bound in space.dofmap.index_map.local_range)
         self.owned = start, end
+
+    def only(self, facets: npt.NDArray[np.bool_]) -> FaceNodes:
+        """The same with some of the facets alone, a mask of shape (f,)."""
+        chosen = copy.copy(self)
+        used, numbers = np.unique(self.facets[facets], return_inverse=True)
+        chosen.facets = numbers.reshape(-1, self.facets.shape[1])
+        chosen.places, chosen.dofs = self.places[used], self.dofs[used]
+        chosen.faces, chosen.inside = self.faces[facets], self.inside[facets]
+        for name in ("mine", "local"):
+            chosen.__dict__.pop(name, None)
+        return chosen
 
     @functools.cached_property
     def mine(self) -> npt.NDArray[np.bool_]:

@@ -15,7 +15,6 @@ from geometries import Actuator
 from softmodels.mechanics.contact_part import StoppingShape, copies_around, shape_figures
 from softmodels.mechanics.face_nodes import FaceNodes
 from softmodels.mechanics.load_directions import ALONG, direction
-from softmodels.mechanics.loads import STANDARD_GRAVITY
 from softmodels.mechanics.parts import Equations, PartError, Setting
 from softmodels.mechanics.section_axes import in_section
 from softmodels.mechanics.walls.giving_way import GivingWay, Stand
@@ -71,6 +70,26 @@ def check_guide(shape: Guided) -> None:
         )
 
 
+def weight_against(shape: Guided, gravity: Array) -> float:
+    """Share of a shape's weight against its guide, in N; below zero where gravity pulls it along.
+
+    Args:
+        shape: The shape.
+        gravity: Acceleration in m/s2, shape (3,), in device coordinates.
+    """
+    return -shape.mass * float(gravity @ shape.gives_way)
+
+
+def check_weight(shape: Guided, gravity: Array) -> None:
+    """Raise `PartError` for a mass without a spring that gravity does not pull against its guide."""
+    if not shape.spring and weight_against(shape, gravity) <= ALONG * shape.mass * float(np.linalg.norm(gravity)):
+        raise PartError(
+            f"{shape.where}: gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not pull the mass against its "
+            f"guide, {shape.guide}, so nothing holds it there; turn the guide or gravity round, or give it a spring "
+            "(spring = '50 N/m')"
+        )
+
+
 def check_guide_on(shape: Guided, actuator: Actuator, crossed: Sequence[Array]) -> None:
     """Raise `PartError` for a guide that leaves the symmetry of the device's model."""
     guide = shape.gives_way
@@ -102,7 +121,7 @@ class GuidedShapeTerm(PressingTerm[GivingWay]):
         """What holds it, the slice's share of it, with forces in shear moduli times squared sizes."""
         size, share = self.actuator.size, copies_around(self.actuator, self.standing.crossed)
         unit = float(self.setting.per_pascal.value) / size / share
-        return Stand(self.shape.spring * unit, STANDARD_GRAVITY * self.shape.mass * unit / size, ONSET)
+        return Stand(self.shape.spring * unit, weight_against(self.shape, self.setting.gravity) * unit / size, ONSET)
 
     def pressed(self, places: Array) -> GivingWay:
         found = GivingWay(self.standing.pressed, self._stand(), self.along, places, self._s)

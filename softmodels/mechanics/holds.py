@@ -17,6 +17,7 @@ from geometries import Actuator, Hold
 from geometries.actuator import Vector
 from geometries.fields import field_of
 from geometries.kinds import Words
+from measurement.wording import known_are
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.loads import direction
 from softmodels.mechanics.named_places import names_in
@@ -68,9 +69,7 @@ class Clamp(Part):
         known = list(dict.fromkeys([*actuator.faces, *actuator.regions, *(hold.role for hold in actuator.holds)]))
         for role in self.roles:
             if role not in known:
-                raise PartError(
-                    f"{self.where}: {type(actuator).__name__} has no {role!r}; known are {', '.join(known)}"
-                )
+                raise PartError(f"{self.where}: {type(actuator).__name__} has no {role!r}; {known_are(role, known)}")
         self.holds(actuator)
 
     def undesigned(self, actuator: Actuator) -> str:

@@ -22,6 +22,7 @@ from softmodels.mechanics.dead_loads import LOADS_ENERGY, HeavyPart, LoadPart, S
 from softmodels.mechanics.load_directions import ALONG, check_direction, direction
 from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import Part, PartError, register_part
+from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.section_axes import in_section
 
 STANDARD_GRAVITY = 9.81
@@ -119,11 +120,26 @@ class Gravity(DirectedLoad):
         if self.density is not None:
             check_density(self.density, self.where)
 
+    @property
+    def acceleration(self) -> npt.NDArray[np.float64]:
+        """In m/s2, shape (3,), in device coordinates."""
+        return self.magnitude * np.asarray(self.vector)
+
+    def idle(self, parts: Sequence[Part]) -> bool:
+        weighing = [part for part in parts if part.weighs]
+        if self.density != 0.0 or any(part.own_density for part in parts if isinstance(part, RegionPart)):
+            return False
+        return bool(weighing) and all(part.lifted for part in weighing)
+
     def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
         along = in_section(self.vector, on.body.actuator.dimension)
         density = density_of(on.system.material) if self.density is None else self.density
-        masses = [Weighed([on.mean(along)], density * on.volume())] if density else []
-        masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along, density)]
+        own = {part.name: part.own_density for part in parts if isinstance(part, RegionPart)}
+        masses = []
+        for matter in on.system.matter:
+            heavy = density if (known := own.get(matter.name)) is None else known
+            masses += [Weighed([on.mean(along, matter)], heavy * on.volume(matter))] if heavy else []
+        masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
             raise PartError(f"{self.where}: nothing has a mass; give the silicone's density, or hang a mass on a face")
@@ -142,7 +158,7 @@ class Mass(HeavyPart):
     """
 
     face: str = field_of(Words(), "face that the mass hangs on, such as tip")
-    amount: float = field_of(Quantity("kg"), "mass that hangs on the face, of the whole device")
+    amount: float = field_of(Quantity("kg"), "mass that hangs on the face, of the whole device", usual=20.0)
 
     table: ClassVar[str] = "mass"
     optional: ClassVar[bool] = True
@@ -154,7 +170,11 @@ class Mass(HeavyPart):
     def check_on(self, actuator: Actuator) -> None:
         check_on_mesh(self.where, actuator, [self.face])
 
-    def masses(self, on: Spread, along: npt.NDArray[np.float64], density: float) -> list[Weighed]:
+    @property
+    def weighs(self) -> float:
+        return self.amount
+
+    def masses(self, on: Spread, along: npt.NDArray[np.float64]) -> list[Weighed]:
         with _on_face(self):
             return [Weighed([on.mean(along, self.face)], self.amount)]
 
@@ -172,7 +192,9 @@ class Force(FaceLoad):
 
     face: str = field_of(Words(), "face that the force pulls at, such as tip")
     direction: str = field_of(Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
-    amount: float = field_of(Quantity("N"), "constant force on the whole device; 0 where it is requested", 0.0)
+    amount: float = field_of(
+        Quantity("N"), "constant force on the whole device; 0 where it is requested", 0.0, usual=1e3
+    )
 
     table: ClassVar[str] = "force"
     optional: ClassVar[bool] = True
@@ -261,6 +283,11 @@ class Moment(FaceLoad):
             size = on.integral(ufl.dot(arm, arm), self.face)
             form = ufl.dot(on.constant(1 / size) * arm, on.test) * on.body.hoop * on.measure(self.face)
             return Weighed([form], self.amount)
+
+
+def gravity_of(parts: Sequence[Part]) -> npt.NDArray[np.float64]:
+    """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no part is one."""
+    return next((part.acceleration for part in parts if isinstance(part, Gravity)), np.zeros(3))
 
 
 def weighed(parts: Sequence[Part], material: Material) -> tuple[Part, ...]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import importlib
+import importlib.metadata
 import importlib.util
 import os
 import re
@@ -41,6 +43,10 @@ FEW_LOOKS, MANY_LOOKS = 64, 16384
 
 
 WHEEL = "dolfinx_solver"
+MPICH = "mpich"
+"""The package of the MPI that the wheel was built with."""
+LIBRARY = re.compile(r"libmpi(ch)?\.so[.0-9]*")
+"""Names of the library of any MPI; not those of its Fortran and C++ parts."""
 STACKS = re.compile(r"(petsc|petsc4py|slepc|slepc4py|dolfinx[-_.]+solver[-_.]+(real|complex))[-.]", re.IGNORECASE)
 """Folders of what is known of packages that bring a PETSc or SLEPc."""
 
@@ -99,6 +105,7 @@ def _import_mpi() -> None:
     wheel = importlib.util.find_spec(WHEEL)
     if wheel is None or wheel.origin is None or WHEEL in sys.modules:
         return
+    _load_mpich(mpich_file("libmpi.so.12"))
     _check_shared_memory()  # importing MPI starts it
     petsc, beside = importlib.util.find_spec("petsc4py"), Path(wheel.origin).parents[1]
     foreign = petsc is None or petsc.origin is None or Path(petsc.origin).resolve().parents[1] != beside.resolve()
@@ -106,6 +113,59 @@ def _import_mpi() -> None:
         importlib.import_module(WHEEL)  # which refuses what cannot work, with what to do
     else:
         import mpi4py.MPI  # noqa: F401
+
+
+def mpich_file(name: str) -> Path | None:
+    """A file of the installed MPICH, such as its library or ``mpirun``; None where MPICH is no package of this Python.
+
+    Its own record of its files tells: in an environment laid over another one (``uv run --with jupyter``) it lies neither in
+    the folder of this Python nor on the system's path.
+    """
+    try:
+        files = importlib.metadata.files(MPICH) or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    found = (Path(str(file.locate())).resolve() for file in files if file.name == name)
+    return next((file for file in found if file.is_file()), None)
+
+
+def _load_mpich(library: Path | None) -> None:
+    """Load the MPI that the solver was built with, ahead of mpi4py, which takes the first one that it finds.
+
+    Raises:
+        StartError: Another MPI is loaded already, or asked for by mpi4py's variables.
+    """
+    if library is None:
+        return
+    others = [file for file in _loaded_mpis() if not (file.exists() and file.samefile(library))]
+    if others:
+        raise StartError(
+            f"another MPI is loaded in this process ({others[0]}), and the solver needs its own ({library}); import softmodels "
+            "ahead of what loads it, and leave it out of LD_PRELOAD"
+        )
+    for variable in ("MPI4PY_LIBMPI", "MPI4PY_MPIABI"):
+        asked = os.environ.get(variable, "")
+        same = asked.lower() == "mpich" or (Path(asked).is_file() and Path(asked).samefile(library)) if asked else True
+        if not same:
+            raise StartError(
+                f"the variable {variable} asks for another MPI ({asked}), and the solver needs its own ({library}); unset it"
+            )
+    try:
+        ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)
+    except OSError as error:
+        raise StartError(
+            f"the MPI of the solver cannot be loaded ({error}); install the package {MPICH} again"
+        ) from None
+
+
+def _loaded_mpis() -> list[Path]:
+    """Libraries of MPI that this process has loaded, on Linux."""
+    try:
+        lines = Path("/proc/self/maps").read_text().splitlines()
+    except OSError:
+        return []
+    files = (line.split(maxsplit=5)[-1] for line in lines if "libmpi" in line)
+    return [Path(file) for file in dict.fromkeys(files) if LIBRARY.fullmatch(Path(file).name)]
 
 
 def _stacks() -> list[str]:

@@ -27,8 +27,10 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from geometries import Actuator, codec
 from geometries.errors import FieldError
-from geometries.fields import about, settle
+from geometries.fields import about, doubt_of, settle
 from geometries.kinds import Text
+from measurement.arguments import checked
+from measurement.units import brief
 from measurement.wording import Spoken
 
 if TYPE_CHECKING:
@@ -81,15 +83,35 @@ class Part(abc.ABC):
 
     def __post_init__(self) -> None:
         settle(self, PartError)
+        if not isinstance(self.name, str):
+            raise PartError(f"[{self.table}]: name is {brief(self.name)}; it must be a text, such as 'tip'")
         if not re.fullmatch(r"([a-z]\w*)?", self.name):
             raise PartError(f"{self.where}: a name is of letters, digits and '_' and begins with a small letter")
         self.check()
+
+    @property
+    def doubt(self) -> str:
+        """Which of its numbers is hardly meant: a sentence, empty if none."""
+        return doubt_of(self)
 
     def check(self) -> None:  # noqa: B027
         """Check the fields against each other; `PartError` for what cannot be meant."""
 
     def check_on(self, actuator: Actuator) -> None:  # noqa: B027
         """Raise `PartError` where it cannot be on a device; the mesh is not made yet."""
+
+    @property
+    def weighs(self) -> float:
+        """Mass in kg of its own, which gravity pulls at; 0 for none."""
+        return 0.0
+
+    @property
+    def lifted(self) -> bool:
+        """Whether that mass stands beside the device, which lifts it, and is no load on it otherwise."""
+        return False
+
+    def check_under(self, gravity: Array) -> None:  # noqa: B027
+        """Raise `PartError` where it cannot be under gravity's acceleration in m/s2, shape (3,), in device coordinates."""
 
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Part:
@@ -185,19 +207,23 @@ class Setting:
         w: The unknowns.
         displacement: Skew components of the displacement in w, in UFL; `Body.displacement` makes u of it.
         per_pascal: One pascal in shear moduli of the silicone.
+        gravity: Its acceleration in m/s2, shape (3,), in device coordinates; zero where the case has none.
     """
 
     body: Body
     w: fem.Function
     displacement: Expr
     per_pascal: fem.Constant
+    gravity: Array
 
 
 class Matter(Protocol):
-    """One of the materials of a device: its law, and its owned local cells."""
+    """One of the materials of a device: its region's name, empty for the main one, its law, and its owned local cells."""
 
+    name: str
     material: Material
     cells: npt.NDArray[np.int32]
+    dx: ufl.Measure
 
 
 class Equations(Protocol):
@@ -292,5 +318,5 @@ def register_part[P: type[Part]](kind: P) -> P:
     known = PARTS.get(kind.table, kind)
     if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
         raise ValueError(f"there is a part with the table {kind.table!r} already, in {known.__module__}")
-    PARTS[kind.table] = kind
+    PARTS[kind.table] = checked(kind)
     return kind

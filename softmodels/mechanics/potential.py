@@ -24,6 +24,7 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.contact import Contact, Obstacle
 from softmodels.mechanics.coupling import Coupling
 from softmodels.mechanics.foresight import Foresight
+from softmodels.mechanics.loads import gravity_of
 from softmodels.mechanics.parts import EnergyPart, Part, Setting
 from softmodels.mechanics.region_space import jumping
 from softmodels.mechanics.regions import Regions, constants
@@ -109,7 +110,7 @@ class Potential:
         if self.contact is not None:
             self.energies += self.contact.energies
         self.per_pascal = fem.Constant(mesh, 1.0)
-        setting = Setting(body, self.w, self.displacement, self.per_pascal)
+        setting = Setting(body, self.w, self.displacement, self.per_pascal, gravity_of(parts))
         self.terms = {part.label: part.term(setting) for part in parts if isinstance(part, EnergyPart)}
         self._before_terms = len(self.energies)
         self.energies += [energy for term in self.terms.values() for energy in term.energies]
@@ -136,6 +137,10 @@ class Potential:
         self.cavity_volume = sum(share * own for (share, _), own in zip(self._cavity_loads, self.volumes, strict=True))
         self.pressures = [share * self.P + rest for share, rest in self._cavity_loads]
         return sum(pressure * load for pressure, load in zip(self.pressures, self.loads, strict=True))
+
+    def pressing(self) -> list[ufl.Form]:
+        """Forces of a unit pressure on each cavity's walls, see `Body.pressing`."""
+        return self.body.pressing(self.displacement, self._vector_part(self._test)) if self.volumes else []
 
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr) -> Expr:
         """A law's energy per reference volume, of anything that carries its parameters by name."""

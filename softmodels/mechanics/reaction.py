@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from softmodels.mechanics.mpi import total
 from softmodels.mechanics.system import System
 
@@ -11,15 +9,10 @@ from softmodels.mechanics.system import System
 def held_force(system: System, role: str, component: int) -> float:
     """Force of the current state on whatever holds a role along a component of w, of the slice, dimensionless.
 
-    It is what the potential would lose per displacement there: -d(stored - P V)/dw summed over the role's dofs.
+    It is what of the forces on the role's dofs nothing else balances, see `softmodels.mechanics.assembly.Assembly.surplus`.
     """
     from dolfinx import fem
 
     dimension, found = system.body.entities[role]
     dofs = fem.locate_dofs_topological(system.vectors.sub(component), dimension, found)
-    owned = dofs[dofs < system.n]
-    force = sum(
-        -factor * float(system.assemble([form], held=True)[owned].sum()) for form, factor in system.forces_and_loads()
-    )
-    pressed = system.assembled.add_forces(system.w.x.array, np.zeros(system.n), held=True)
-    return total(system.comm, float(force - pressed[owned].sum()))
+    return total(system.comm, -float(system.surplus()[dofs[dofs < system.n]].sum()))

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.materials.material import Material, MaterialError
+from softmodels.materials.material import Material, MaterialError, parameter_fields
+from softmodels.materials.silicones import material_of
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.cell_measure import cell_measure
 from softmodels.mechanics.named_places import check_regions
@@ -37,9 +38,18 @@ class RegionPart(Part):
 
     material: Material
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "material", material_of(f"{self.where} material", self.material))
+        super().__post_init__()
+
     def check_on(self, actuator: Actuator) -> None:
         """Raise `PartError` where a device has no such region."""
         check_regions(self.where, actuator, [self.name])
+
+    @property
+    def own_density(self) -> float | None:
+        """In kg/m3; None for that of `softmodels.mechanics.loads.Gravity`."""
+        return None
 
 
 class RigidRegion(RegionPart):
@@ -82,7 +92,7 @@ class MaterialRegion:
     def take(self, material: Material, mu: float, mixed: bool) -> None:
         """Take a material's values, in units of a shear modulus in Pa."""
         self.material = material
-        for field in dataclasses.fields(material):
+        for field in parameter_fields(material):
             value = np.asarray(getattr(material, field.name), dtype=float)
             getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
         self.bulk.value = mu / material.bulk if mixed else material.bulk / mu
@@ -164,6 +174,6 @@ def constants(mesh: mesh.Mesh, material: Material) -> types.SimpleNamespace:
     return types.SimpleNamespace(
         **{
             field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
-            for field in dataclasses.fields(material)
+            for field in parameter_fields(material)
         }
     )

@@ -64,8 +64,8 @@ class Rigid(HeavyPart):
         ),
         r"(\w+)_force_N": (
             "force on {0}",
-            "with which the device and its air push on that rigid part, along its guide or the device's lift; dead loads not "
-            "counted, so at rest it is what holds the part or hangs on it",
+            "with which the device, its weight included, and its air push on that rigid part, along its guide or the device's "
+            "lift; at rest it is what holds the part, or its own weight and the forces on its face",
         ),
         r"(\w+)_force_([xyz])_N": ("force on {0} along {1}", "the same along that direction"),
         r"(\w+)_moment_([xyz])_Nmm": (
@@ -89,7 +89,11 @@ class Rigid(HeavyPart):
         if self.mass:
             check_finite(self.mass, self.where, "mass")
 
-    def masses(self, on: Spread, along: Array, density: float) -> list[Weighed]:
+    @property
+    def weighs(self) -> float:
+        return self.mass
+
+    def masses(self, on: Spread, along: Array) -> list[Weighed]:
         return [Weighed([on.mean(along, self.face)], self.mass)] if self.mass else []
 
     def check_on(self, actuator: Actuator) -> None:

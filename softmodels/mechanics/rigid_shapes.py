@@ -21,7 +21,7 @@ from geometries.kinds import Flag, Length, Quantity, Several, Words
 from softmodels.mechanics.contact import STIFFNESS
 from softmodels.mechanics.contact_part import ContactPart
 from softmodels.mechanics.face_nodes import check_mesh_faces
-from softmodels.mechanics.guided_shapes import GuidedShapeTerm, check_guide, check_guide_on
+from softmodels.mechanics.guided_shapes import GuidedShapeTerm, check_guide, check_guide_on, check_weight
 from softmodels.mechanics.load_directions import direction
 from softmodels.mechanics.named_places import check_on_mesh
 from softmodels.mechanics.parts import PartError, Setting, Term, register_part
@@ -58,7 +58,8 @@ class RigidShape(ContactPart):
         stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
         guide: Direction along which it gives way, as `softmodels.mechanics.load_directions.direction` reads it; empty for none.
         spring: Stiffness in N/m of a spring that holds it there.
-        mass: In kg; its weight pulls against the guide, and a stand holds it where it is until it is lifted.
+        mass: In kg; where gravity pulls it against the guide, a stand holds it where it is until it is lifted, and where it
+            pulls the other way the spring does.
         friction: Coefficient of Coulomb friction of the faces on a shape that stands still.
         slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
     """
@@ -96,7 +97,7 @@ class RigidShape(ContactPart):
     spring: float = field_of(Quantity("N/m"), "spring that holds a shape with a guide", 0.0)
     mass: float = field_of(
         Quantity("kg"),
-        "mass of a shape with a guide: it lies on a stand until it is lifted, its weight against the guide",
+        "mass of a shape with a guide, which gravity pulls at: it lies on a stand until it is lifted",
         0.0,
     )
     friction: float = field_of(
@@ -163,6 +164,18 @@ class RigidShape(ContactPart):
     @property
     def direction(self) -> Array:
         return np.asarray(self.along) / np.linalg.norm(self.along)
+
+    @property
+    def weighs(self) -> float:
+        return self.mass
+
+    @property
+    def lifted(self) -> bool:
+        return True
+
+    def check_under(self, gravity: Array) -> None:
+        if self.mass:
+            check_weight(self, gravity)
 
     @property
     def gives_way(self) -> Array:

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.materials.laws import Material
+from softmodels.materials.material import parameter_fields
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.morphing import Reshaping
@@ -197,7 +198,7 @@ class _LawDirection:
         from dolfinx import fem
 
         self.region, mesh = region, eq.body.mesh
-        names = [field.name for field in dataclasses.fields(region.material) if field.name != "poisson"]
+        names = [field.name for field in parameter_fields(region.material) if field.name != "poisson"]
         constants = {name: getattr(region.parameters, name) for name in names}
         variables = {name: ufl.variable(constant) for name, constant in constants.items()}
         bulk = ufl.variable(region.bulk)

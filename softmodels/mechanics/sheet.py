@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, ClassVar
 from geometries import Actuator
 from geometries.fields import field_of, settle
 from geometries.kinds import Quantity, Words
+from measurement.arguments import checked
 from softmodels.materials.laws import MaterialError
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ HARDLY_STRETCHES = 50e3
 """Stiffness in N/m with which the seminar actuator still reaches 177 cm."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Sheet:
     """A sheet on a face.

@@ -150,9 +150,10 @@ class System(Assembly):
         self._stored = [form(energy) for energy in potential.energies]
         self._internal = [form(force) for force in potential.internal]
         self._products = Products(potential, self._internal, [load for (load,) in self._loads], form)
-        self.points, _ = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
+        self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         strain = Strain(self.body.deformation_gradient(potential.displacement))
         self._J = fem.Expression(strain.J, self.points, jit_options=JIT)
+        self._densities: fem.Expression | None = None
 
     def _check_volume(self) -> None:
         """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
@@ -261,6 +262,16 @@ class System(Assembly):
         """Smallest volume ratio at the integration points of the current state."""
         values = self._J.eval(self.body.mesh, self.cells)
         return -largest(self.comm, -float(values.min()) if values.size else -math.inf)
+
+    def point_volumes(self) -> Array:
+        """Dimensionless undeformed volumes of the integration points of the owned cells, shape (cells, points)."""
+        if self._densities is None:
+            import ufl
+            from dolfinx import fem
+
+            density = self.body.hoop * abs(ufl.JacobianDeterminant(self.body.mesh))
+            self._densities = fem.Expression(density, self.points, jit_options=JIT)
+        return self._densities.eval(self.body.mesh, self.cells).reshape(len(self.cells), -1) * self._weights
 
     def integral(self, form: fem.Form) -> float:
         """Value of a compiled form without arguments, over all ranks."""

@@ -10,8 +10,9 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar
 
-from geometries.fields import about, settle
+from geometries.fields import about, doubt_of, settle
 from measurement import wording
+from measurement.arguments import checked
 from measurement.wording import Spoken
 from softmodels.path.quantities import Supply
 
@@ -40,6 +41,11 @@ class AirSupply:
     def __post_init__(self) -> None:
         settle(self, SupplyError)
         self.check()
+
+    @property
+    def doubt(self) -> str:
+        """Which of its numbers is hardly meant: a sentence, empty if none."""
+        return doubt_of(self)
 
     def check(self) -> None:
         """Raise `SupplyError` for fields that do not go together."""
@@ -91,7 +97,7 @@ def register[Class: type[AirSupply]](supply: Class) -> Class:
     known = SUPPLIES.get(supply.name, supply)
     if (known.__module__, known.__qualname__) != (supply.__module__, supply.__qualname__):
         raise ValueError(f"there is a supply of the name {supply.name!r} already: {known.__name__}")
-    SUPPLIES[supply.name] = supply
+    SUPPLIES[supply.name] = checked(supply)
     wording.call(f"supply {supply.name}", f"supply={supply.__name__}(...)")
     for name, field in about(supply).items():
         if field.option:

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from measurement.arguments import checked
 from measurement.units import WATER_DENSITY, UnitError, brief, pascal_per_cm, quantity
 from measurement.units import numbers as as_numbers
 from measurement.wording import Spoken
@@ -51,6 +52,7 @@ class ProgramError(Spoken, ValueError):
     """A program that cannot be meant; the message is a sentence for the user."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Series:
     """What one cavity, or one dead load, goes through.

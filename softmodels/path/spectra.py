@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 BLOCK = 4
 """Modes of the last factorised point from which the lowest eigenvalue of a point without factorisation is found."""
 MOST_CORRECTIONS, CLOSE = 6, 1e-3
-"""Corrections of that mode, and the share of the eigenvalue that the last one may move it by: its own error is about a tenth of
-that then, and ranks differ by less than 1e-8. A mode that does not get there in as many has the point factorised."""
+"""Corrections of that mode, and the share of the eigenvalue that the last one may move it by, as expected and as found:
+its own error is about a tenth of that then. Where K has changed so much that its kept inverse expects less than comes, or where
+a mode does not get there in as many corrections, the point is factorised."""
 EIGENVALUE = 1e-10
 """What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer, for the lowest
 eigenvalue where K was factorised. Corrections of its mode elsewhere are not refined: they are directions to search in."""
@@ -148,7 +149,7 @@ class Factorised(Spectrum):
         basis: list[PETSc.Vec] = []
         products: list[PETSc.Vec] = []
         images: list[PETSc.Vec] = []
-        new, before, close = list(modes), np.empty(0), False
+        new, before, close, value = list(modes), np.empty(0), False, math.inf
         A = C = np.empty((0, 0))
         for left in reversed(range(MOST_CORRECTIONS + 1)):
             for x in new:
@@ -161,8 +162,8 @@ class Factorised(Spectrum):
             # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
             likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
             chosen = int(np.argmax(likeness))
-            value, before = float(values[chosen]), vectors[:, chosen]
-            if close:
+            moved, value, before = abs(value - float(values[chosen])), float(values[chosen]), vectors[:, chosen]
+            if close and moved <= CLOSE * abs(value):
                 return value
             if not left:
                 break

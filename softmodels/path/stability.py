@@ -121,8 +121,12 @@ class Stability:
     # -- along a path -------------------------------------------------------------------------------------------------
 
     def wants(self, state: State) -> bool:
-        """Whether the signature at this state needs a factorisation of its own."""
-        if self.unknowns <= ALWAYS or not self.modes or self.solver.system.unknowns.turns:
+        """Whether the signature at this state needs a factorisation of its own.
+
+        It does where faces are pressed on: a kept K has other places in contact, and corrections by its inverse creep.
+        """
+        system = self.solver.system
+        if self.unknowns <= ALWAYS or not self.modes or system.unknowns.turns or system.assembled.touches(state.w):
             return True
         try:
             self._guess = self.spectrum.corrected(state, self.modes)

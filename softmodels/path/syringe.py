@@ -40,8 +40,8 @@ class Syringe(AirSupply):
             1 - leak S of what it was. So it is the leak of a piston moved at a steady rate.
     """
 
-    syringe: float = field_of(Quantity("m^3"), "volume of the syringe, which is the largest stroke", 20e-6)
-    dead_volume: float = field_of(Quantity("m^3"), "volume of tubes and T-junction", 5e-6)
+    syringe: float = field_of(Quantity("m^3"), "volume of the syringe, which is the largest stroke", 20e-6, usual=0.01)
+    dead_volume: float = field_of(Quantity("m^3"), "volume of tubes and T-junction", 5e-6, usual=0.01)
     ambient: float = field_of(Quantity("Pa"), "absolute pressure around, at which everything was filled", AMBIENT)
     gas: str = field_of(Choice(tuple(GASES)), "how the gas is squeezed", "isothermal")
     leak: float = field_of(

@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from softmodels.pictures.style import DPI, EDGE, WARNING, WIDTH, Array, wrapped
+from softmodels.pictures.style import DPI, EDGE, WARNING, WIDTH, Array, title_colour, wrapped
 from softmodels.results.output_fields import coloured
 from softmodels.results.row import Row
 
@@ -59,7 +59,7 @@ def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, n
     whole = head + image.shape[0] / DPI + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
     figure.add_artist(Pixels(image, round(foot * DPI)))
-    figure.text(0.5, 1 - 0.17 / whole, title, ha="center", va="top", fontsize=13)
+    figure.text(0.5, 1 - 0.17 / whole, title, ha="center", va="top", fontsize=13, color=title_colour(title))
     figure.text(0.5, 1 - (above + 0.23) / whole, note, ha="center", va="top", fontsize=11, color=WARNING)
     if scale is not None:
         scale.bar(figure)
@@ -80,7 +80,7 @@ class Scale:
         rows: Rows of ``path.csv`` of the states that are shown, for the largest value.
     """
 
-    def __init__(self, values: Array, field: str = "von_mises_stress", where: str = "", rows: Sequence[Row] = ()):
+    def __init__(self, values: Array, field: str = "von_mises", where: str = "", rows: Sequence[Row] = ()):
         shown, colours = coloured()[field]
         self.what, self.unit, self.factor, self.low = shown.title, colours.unit, colours.factor, colours.rest
         column = shown.largest.column if shown.largest else ""

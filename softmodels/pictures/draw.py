@@ -149,7 +149,8 @@ def _curves(states: States, out: DrawnFolder) -> None:
         out.save(actuator.gauge, program_curves.steps(states.rows, states.words))
     else:
         over = path_curves.over_of(states.case)
-        out.save(actuator.gauge, path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over))
+        figure = path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over, states.sources)
+        out.save(actuator.gauge, figure)
     if states.case.gauges.plane:
         out.save("profile", _cut_profile(states))
         return
@@ -210,7 +211,7 @@ def _sections(states: States, out: DrawnFolder) -> None:
 def _slice(states: States, out: DrawnFolder) -> None:
     """The stress in a section."""
     step, plate = states.main, _plate(states)
-    points, moved, values = states.points, states.moved(step), states.field(step, "von_mises_stress")
+    points, moved, values = states.points, states.moved(step), states.field(step, "von_mises")
     stress = section_pictures.section_stress(
         points, moved, states.cells, values, states.rows[step], states.words, plate
     )

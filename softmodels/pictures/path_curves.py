@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from softmodels.pictures.style import BRANCH, CURVE, DPI, WARNING, WIDTH, Array
+from softmodels.materials.spread import product_of
+from softmodels.pictures.style import BRANCH, CURVE, DPI, FAINT, SPAN, WARNING, WIDTH, Array
 from softmodels.results.columns import term
 from softmodels.results.row import Row
+from softmodels.results.sources import SourceRows, key_of
 from softmodels.results.stability_report import jumped_over
 from softmodels.results.state_words import StateWords
-from softmodels.results.terms import split
+from softmodels.results.terms import at_rise, split
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +28,8 @@ if TYPE_CHECKING:
 
 FORCES = ("contact_force_N", "blocked_force_N")
 """Columns that get a curve of their own where a device presses on something."""
+DASHES = ("--", ":", "-.", (0, (10, 3)), (0, (1, 4)))
+"""Of the sources' lines."""
 PRESSURE = ("pressure_cm", "pressure in cm of water")
 """What curves are drawn over unless a case asks for something else: the column, and its words."""
 
@@ -36,7 +42,12 @@ def over_of(case: Case) -> tuple[str, str]:
 
 
 def rise(
-    rows: Sequence[Row], gauge: str, pascal_per_cm: float, branch: Sequence[Row] = (), over: tuple[str, str] = PRESSURE
+    rows: Sequence[Row],
+    gauge: str,
+    pascal_per_cm: float,
+    branch: Sequence[Row] = (),
+    over: tuple[str, str] = PRESSURE,
+    sources: SourceRows = MappingProxyType({}),
 ) -> Figure:
     """Rise of the device's gauge, such as the disk's apex, over the pressure.
 
@@ -46,10 +57,12 @@ def rise(
         pascal_per_cm: Pa in one cm of the column.
         branch: Rows of the branch that was followed, if one was.
         over: What it is drawn over; see `over_of`.
+        sources: Rows under each source of the silicone, the run's own among them, where they were solved.
     """
     figure = Figure((WIDTH, 6.4), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     column = f"{gauge}_mm"
+    _sources(axes, sources, rows, column, over[0])
     _path(axes, rows, column, branch, over[0])
     for name, colour, marker, events in _events(rows):
         for row in events:
@@ -83,6 +96,7 @@ def curves(
     words: StateWords,
     branch: Sequence[Row] = (),
     over: tuple[str, str] = PRESSURE,
+    sources: SourceRows = MappingProxyType({}),
 ) -> list[Figure]:
     """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
 
@@ -102,6 +116,7 @@ def curves(
     for (place, below), (column, label) in wanted:
         figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")
         axes = figure.subplots()
+        _sources(axes, sources, rows, column, place)
         _path(axes, rows, column, branch, place)
         for name, colour, marker, events in _events(rows):
             places = [[row[key] for row in events] for key in (place, column)]
@@ -149,18 +164,40 @@ def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], o
         axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
 
 
-def _band(axes: Axes, rows: Sequence[Row], column: str, over: str) -> None:
-    """The 95 % band that the material's errors make in the pressure at the same volume, which is regular at limit points."""
-    if over != "pressure_cm" or "pressure_95_cm" not in rows[0]:
+def _sources(axes: Axes, sources: SourceRows, rows: Sequence[Row], column: str, over: str) -> None:
+    """The paths under the other sources of a silicone, and what all of them span: the areas between neighbours, each as far as
+    both go."""
+    if not sources:
         return
-    found = np.array([[row[over], row[column], row["pressure_95_cm"]] for row in rows])
+    lines = {
+        name: smooth(np.array([[row[over], row[column]] for row in many]))
+        for name, many in sources.items()
+        if len(many) > 1
+    }
+    for k, pair in enumerate(itertools.pairwise(lines.values())):
+        farthest = min(line[:, 0].max() for line in pair)
+        soft, stiff = (line[line[:, 0] <= farthest] for line in pair)
+        label = "" if k else f"band of the {len(lines)} sources of {product_of(next(iter(lines)))}"
+        axes.fill(*np.vstack([soft, stiff[::-1]]).T, color=SPAN, linewidth=0, zorder=0.5, label=label)
+    others = [name for name in lines if list(sources[name]) != list(rows)]
+    for name, dashes in zip(others, itertools.cycle(DASHES), strict=False):
+        axes.plot(*lines[name].T, linestyle=dashes, color=FAINT, linewidth=1.2, label=key_of(name), zorder=1.5)
+
+
+def _band(axes: Axes, rows: Sequence[Row], column: str, over: str) -> None:
+    """The 95 % band that the material's errors make in the pressure at the same value of the column, which is regular at limit
+    points: at the same rise, or at the same added volume."""
+    half = "pressure_95_cm" if column == "added_volume_ml" else at_rise(split(column)[0])
+    if over != "pressure_cm" or half not in rows[0]:
+        return
+    found = np.array([[row[over], row[column], row[half]] for row in rows])
     found = found[~np.isnan(found[:, 2])]
     if len(found) < 2:
         return
     x, y = smooth(found[:, :2]).T
     width = np.interp(y, *smooth(found[:, 1:]).T) if (np.diff(found[:, 1]) > 0).all() else None
     x, y, width = (x, y, width) if width is not None else found.T
-    label = "95 % band of the material"
+    label = f"95 % band of the pressure at equal {'volume' if column == 'added_volume_ml' else 'rise'}"
     axes.fill_betweenx(y, x - width, x + width, color=CURVE, alpha=0.18, linewidth=0, label=label)
 
 

@@ -67,7 +67,7 @@ class Report:
         self._values: dict[str, object] = {
             "title": name,
             "ending": ending(states, told),
-            "warnings": told["notes"] if "notes" in told else notes_of(states.case, states.rows),
+            "warnings": told["notes"] if "notes" in told else notes_of(states.case, states.rows, states.sources),
             "view": view(look),
             "curves": _curves(states),
             "contact": _contact(states),
@@ -134,7 +134,7 @@ def _curves(states: States) -> list[Markup]:
         if states.case.program:
             return [_svg(program_curves.steps(rows, words))]
         over = path_curves.over_of(states.case)
-        return [_svg(figure) for figure in path_curves.curves(rows, words, states.branch, over)]
+        return [_svg(figure) for figure in path_curves.curves(rows, words, states.branch, over, states.sources)]
 
 
 def _svg(figure: Figure) -> Markup:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 from geometries import codec
@@ -10,6 +9,7 @@ from geometries import table as geometry_table
 from geometries.fields import about
 from measurement.units import readable
 from softmodels.case import material_table
+from softmodels.materials.material import parameter_fields
 from softmodels.path.program import named
 from softmodels.results.stored import States
 
@@ -33,7 +33,8 @@ def _device(states: States) -> Table:
 def _material(states: States) -> Table:
     material = states.case.material
     table = material_table.to_table(material, readable)
-    texts = {field.name: field.metadata["help"] for field in dataclasses.fields(material)}
+    texts = {field.name: field.metadata["help"] for field in parameter_fields(material)}
+    texts["fitted_stretch"] = "range of stretch that the law was fitted over"
     rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "law"]
     initial = f"{material.shear_modulus_0 / 1e3:.4g} kPa"
     return _parameters(

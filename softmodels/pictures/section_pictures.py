@@ -12,7 +12,7 @@ from matplotlib.tri import Triangulation
 
 from softmodels.pictures.colour_scale import COLOURS, FOOT, Scale
 from softmodels.pictures.hot_spots import HotSpots, hot_title
-from softmodels.pictures.style import CURVE, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, headline
+from softmodels.pictures.style import CURVE, DPI, EDGE, FAINT, INK, SOLID, WARNING, WIDTH, Array, headline, title_colour
 from softmodels.results.row import Row
 from softmodels.results.state_words import StateWords
 from softmodels.results.triangles import Cells, edge_curves, fine_triangles, outline
@@ -55,7 +55,8 @@ def section_stress(
         axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.0))
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
-    axes.set_title(headline(row, words) + ("" if plate is None else "; the rigid plane dashed"))
+    title = headline(row, words) + ("" if plate is None else "; the rigid plane dashed")
+    axes.set_title(title, color=title_colour(title))
     stress.bar(figure)
     return figure
 

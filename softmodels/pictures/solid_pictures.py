@@ -13,7 +13,7 @@ from softmodels.pictures.colour_scale import FOOT, Pixels, Scale, page
 from softmodels.pictures.cut_open import best_plane, cut_open
 from softmodels.pictures.hot_spots import hot_layers, hot_limit, hot_title, peak_place, peak_text
 from softmodels.pictures.offscreen import Camera, Image, Style, lines, ring, studio, surface
-from softmodels.pictures.style import DPI, EDGE, FAINT, INK, SOLID, WIDTH, headline, load, number, wrapped
+from softmodels.pictures.style import DPI, EDGE, FAINT, INK, SOLID, WIDTH, headline, load, number, title_colour, wrapped
 from softmodels.pictures.viewpoint import SOLID_STYLE, Look, towards_slice
 from softmodels.results.row import Row
 from softmodels.results.state_words import StateWords
@@ -65,7 +65,7 @@ def slice_stress(look: Look) -> Figure:
     """The deformed slice seen on its cut, coloured by stress, with the edges of the undeformed one."""
     states, step = look.states, look.states.main
     skin = states.skin
-    scale = Scale(states.field(step, "von_mises_stress"), rows=[states.rows[step]])
+    scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
     values = scale.share(states.field(step, scale.field))[skin.nodes]
     edges = np.concatenate([skin.edges, skin.rims])
@@ -137,7 +137,8 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateWord
         left, top = k % columns * wide, whole - k // columns * (tall + head)
         small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
         figure.add_artist(Pixels(np.asarray(small), round((top - head - tall) * DPI), round(left * DPI)))
-        figure.text((left + wide / 2) / WIDTH, (top - 0.6 * head) / whole, titles[k], ha="center", va="center")
+        place = (left + wide / 2) / WIDTH, (top - 0.6 * head) / whole
+        figure.text(*place, titles[k], ha="center", va="center", color=title_colour(titles[k]))
     scale.bar(figure)
     return figure
 
@@ -145,7 +146,7 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateWord
 def cut(look: Look) -> Figure:
     """The device cut open through its channels, with the von Mises stress on the cut."""
     states, step = look.states, look.states.main
-    scale = Scale(states.field(step, "von_mises_stress"), rows=[states.rows[step]])
+    scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
     if look.opened:
         layers, direction, where = look.coloured(step, scale), look.direction, ""
     else:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.results.row import Row
-from softmodels.results.state_words import StateWords
+from softmodels.results.state_words import OVERLAP_MARK, StateWords, overlap_text
 
 Array = npt.NDArray[np.float64]
 
@@ -24,6 +24,8 @@ CHARACTER = 0.62
 """Width of a character, in sizes of the font: a little more than the mean of the fonts' letters and digits."""
 
 LINES = "viridis"
+SPAN = "#e4e7eb"
+"""Of what several laws span behind a curve."""
 SOLID = "#d9e2ec"
 STYLE: Any = {  # versions of matplotlib differ in the type of their parameters' names
     "font.size": 12,
@@ -54,7 +56,13 @@ def load(row: Row, words: StateWords, kilopascals: bool = True) -> str:
     pressure = f"{' and '.join(number(row[name]) for name in words.pressures(row))} cm of water"
     if kilopascals and words.pressure and not step:
         pressure += f" ({row['pressure_Pa'] / 1e3:.3g} kPa)"
-    return f"{step}{words.under(row, pressure)}"
+    overlap = overlap_text(row)
+    return f"{step}{words.under(row, pressure)}{f' - {overlap}' if overlap else ''}"
+
+
+def title_colour(title: str) -> str:
+    """Colour of a state's title: that of warnings where it says that walls overlap."""
+    return WARNING if OVERLAP_MARK in title else "black"
 
 
 def headline(row: Row, words: StateWords) -> str:

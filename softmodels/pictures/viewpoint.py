@@ -97,7 +97,7 @@ class Look:
         border: Style = {"color": WARNING, "line_width": 2.0}
         return [*shapes, (surface(self.plate, fan), style), (lines(self.plate, ring), border)]
 
-    def scale(self, steps: Sequence[int], field: str = "von_mises_stress") -> Scale:
+    def scale(self, steps: Sequence[int], field: str = "von_mises") -> Scale:
         """One scale for what is seen in some states: everything where a cut is seen, else the outside alone."""
         states, skin = self.states, self.states.skin
         rows = [states.rows[step] for step in steps]

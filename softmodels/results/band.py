@@ -1,9 +1,13 @@
 """The 95 % band around a path that the errors of a fitted material make, to first order.
 
-A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). With the cavity's
-volume kept that is regular at limit points too, and there the pressure's band is that of the limit itself. With the pressure
-kept, as a reader of a curve over the pressure does, the state slides along the path by what the pressure has changed; near a
-limit point that grows without bound.
+A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). How wide a band is
+depends on what stays the same:
+
+- At the same pressure (or whatever else is requested) rises and volumes have a band: the state slides along the path by what
+  the pressure has changed. Near a limit point that grows without bound.
+- At the same added volume the pressure has one, which is regular at limit points too and there is that of the limit itself.
+- At the same rise the pressure has another: how far apart the curves of rise over pressure lie, sideways. Measured pressures at
+  which a height is reached belong to it. Where the silicone is stiffer the same height needs another volume too.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path.points import Point
 from softmodels.path.quantities import AddedVolume, DeadForce, Pressure
 from softmodels.results.fields import Fields
-from softmodels.results.terms import split
+from softmodels.results.terms import at_rise, split
 
 Array = npt.NDArray[np.float64]
 
@@ -69,7 +73,9 @@ class Band:
         actuator = self.fields.system.body.actuator
         figures = actuator.device_figures(actuator.probes)
         rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, figures)]
-        return rises if self.kept == DeadForce.name else ["pressure_95_cm", "added_volume_95_ml", *rises]
+        if self.kept == DeadForce.name:
+            return rises
+        return ["pressure_95_cm", at_rise(actuator.gauge), "added_volume_95_ml", *rises]
 
     def _move(self, point: Point, root: Array) -> dict[str, float]:
         """What changes as the parameters do by ``root`` (SI units), by column."""
@@ -86,13 +92,26 @@ class Band:
             force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
         moved = fields.solver.aside(state, volume_control(state.V), -force, TOLERANCE)
         dP, w, dV = moved.P * mu + (0.0 if forced else state.P * dmu), moved.w, 0.0
+        sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(moved.w)
         if self.kept != AddedVolume.name:
             slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
             w = w + slide * point.tangent.w
             dV = slide * point.tangent.V * eq.volume_unit
         if forced:
             return self._rises(state.w, w)
-        return {"pressure_95_cm": dP / self.cm, "added_volume_95_ml": 1e6 * dV, **self._rises(state.w, w)}
+        gauge = fields.system.body.actuator.gauge
+        pressures = {"pressure_95_cm": dP / self.cm, at_rise(gauge): sideways / self.cm}
+        return {**pressures, "added_volume_95_ml": 1e6 * dV, **self._rises(state.w, w)}
+
+    def _slope(self, point: Point) -> float:
+        """Pa by which the pressure rises along the path for each m of the gauge's rise."""
+        rise = self._gauge_rise(point.tangent.w)
+        return point.tangent.P * self.fields.system.stress_unit / rise if rise else math.inf
+
+    def _gauge_rise(self, change: Array) -> float:
+        """By how much the gauge rises, m, as the dofs change."""
+        actuator = self.fields.system.body.actuator
+        return float(self.fields.probes_moved(change)[actuator.gauge] @ np.asarray(actuator.lift))
 
     def _rises(self, w: Array, change: Array) -> dict[str, float]:
         """Changes of the probes' rises in mm and of the device's own figures, as the dofs change."""

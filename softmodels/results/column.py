@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from softmodels.path.points import Point
     from softmodels.results.fields import Fields
     from softmodels.results.figures import Figures
+    from softmodels.results.self_contact import Gap
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -48,6 +50,11 @@ class Solved:
     def pressure(self) -> float:
         """In Pa; of a program's pressures the highest stands for all."""
         return max(self.figures.cavity_pressures, default=0.0) if self.case.program else self.figures.pressure
+
+    @functools.cached_property
+    def gap(self) -> Gap | None:
+        """The least gap between the device's walls."""
+        return self.fields.walls.least(self.nodal["displacement"])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

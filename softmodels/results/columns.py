@@ -20,7 +20,8 @@ from softmodels.results.column import Column, Columns, Solved
 from softmodels.results.forces import MEASURES
 from softmodels.results.output_fields import FIELDS, Extreme, OutputField
 from softmodels.results.row import Cell, Row
-from softmodels.results.terms import Term, described, split
+from softmodels.results.self_contact import OVERLAP
+from softmodels.results.terms import Term, at_rise, described, split
 
 
 def row_of(solved: Solved) -> Row:
@@ -152,6 +153,9 @@ def _named_term(column: str, device: Actuator | None) -> Term | None:
     if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
         text = "of a named point its place in this state, of a rigid part how far its centre has moved"
         return described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
+    if unit == "mm" and name.endswith("_off"):
+        text = "how far from where that point was named the place on the surface lies that is followed, undeformed"
+        return described(column, (f"{name.removesuffix('_off').replace('_', ' ')}, off the surface", text))
     if unit == "°":
         return described(
             column, (name.replace("_", " "), "named angle: by how much its line has turned, or between its two lines")
@@ -163,6 +167,9 @@ def _band_term(column: str, device: Actuator | None) -> Term | None:
     name, unit = split(column)
     if not name.endswith("_95") or not unit:
         return None
+    if device is not None and column == at_rise(device.gauge):
+        text = f"half the 95 % interval that the material's errors make, at the same rise of the {device.gauge}"
+        return described(column, ("band of the pressure at equal rise", text))
     whole = term(f"{name.removesuffix('_95')}{column.removeprefix(name)}", device)
     kept = "at the same added volume" if name == "pressure_95" else "at the same requested value"
     return described(
@@ -178,6 +185,8 @@ def _extremes(name: str) -> list[Column]:
 
 def _extreme(field: OutputField, one: Extreme) -> Column:
     def value(solved: Solved) -> float:
+        if one.peak:
+            return solved.figures.peaks[field.name] / one.unit
         return solved.figures.extremes[field.name][0 if one.least else 1] / one.unit
 
     return Column(one.column, one.title, one.text, value)
@@ -244,15 +253,18 @@ COLUMNS: list[Column | Columns] = [
            "stretch at which the silicone broke when pulled over the largest one; below 1 it tears",
            _break_margin, lambda case: stretch_at_break(case.material) is not None),
     *(_place_of_largest(axis) for axis in "xyz"),
-    *_extremes("von_mises_stress"),
+    *_extremes("von_mises"),
     *_extremes("J"),
     Column("newton_iterations", "Newton iterations", "that the equilibrium of this state took",
            lambda s: s.point.state.iterations),
     Column("stored_energy_mJ", "stored energy", "elastic energy of the whole device",
            lambda s: s.figures.stored_energy * 1e3),
-    Column("walls_touch", "walls touch",
-           "1 where walls that face each other have met and pass through each other, which those of [walls] do not",
-           lambda s: int(s.fields.walls.met(s.nodal["displacement"]) is not None)),
+    Column("least_gap_mm", "least gap",
+           "smallest distance between walls that face each other across air, below zero where they overlap; empty where none "
+           "is near another", lambda s: None if s.gap is None else s.gap.value * 1e3),
+    Column("walls_touch", "walls overlap",
+           f"1 where walls pass through each other by more than {OVERLAP:.0%} of their thickness: the state is not real",
+           lambda s: int(s.gap is not None and s.gap.overlaps)),
     Column("requested", "requested", "1 for a state that was asked for", lambda s: int(s.point.requested)),
     Column("limit", "limit point",
            "1 where the pressure has a maximum or minimum: under a pressure alone the device jumps",

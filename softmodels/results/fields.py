@@ -17,12 +17,12 @@ from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.mechanics.tangent import Tangent
-from softmodels.mechanics.walls.part import WallTerm
 from softmodels.results.figures import Figures
 from softmodels.results.followed import Followed, followed_points
 from softmodels.results.forces import MEASURES
 from softmodels.results.grid import Grid
 from softmodels.results.output_fields import FIELDS
+from softmodels.results.peak import volume_peak
 from softmodels.results.self_contact import Walls
 from softmodels.results.state_dofs import StateDofs
 from softmodels.results.state_values import Sampling, StateValues
@@ -61,21 +61,13 @@ class Fields:
     @functools.cached_property
     def walls(self) -> Walls:
         """The device's surface, on rank 0."""
-        system, device = self.system, self.system.body.actuator
-        planes = [plane.normal for plane in device.cut_planes]
-        pressing = [
-            device.device_points(
-                system.length_unit * term.nodes.places[term.nodes.facets[:, : device.dimension]].mean(axis=1)
-            )
-            for term in system.potential.terms.values()
-            if isinstance(term, WallTerm)
-        ]
-        return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes, pressing)
+        planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
+        return Walls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
 
     @property
     def followed(self) -> list[str]:
         """Where the named points are followed: a sentence on each."""
-        return [followed_text(name, one.place, one.away) for name, one in self._followed.items()]
+        return [followed_text(name, one.away, one.place) for name, one in self._followed.items()]
 
     def values(self, state: State) -> StateValues:
         """A state's values; the state is loaded into the equations."""
@@ -131,6 +123,11 @@ class Fields:
             max_displacement=self._extremes(np.linalg.norm(u, axis=1))[1],
             max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
             extremes=extremes,
+            peaks={
+                field.name: volume_peak(eq.comm, field.sampled(values), eq.point_volumes())[0]
+                for field in FIELDS
+                if field.sampled is not None and any(one.peak for one in field.extremes)
+            },
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
         )
 

@@ -17,7 +17,8 @@ class Figures:
     all works on: their sum, or the sum of their products with the device's pressure ratios.
     ``rises`` are the probes' displacements along the lift, ``device`` is what `Actuator.device_figures` makes of their
     places, ``max_stretch_at`` the undeformed place of the largest stretch in device coordinates. ``extremes`` has the
-    least and the largest value of every output field that is sampled, SI units, by name.
+    least and the largest value of every output field that is sampled, SI units, by name; ``peaks`` the `results.peak` of those
+    that have one.
     """
 
     pressure: float
@@ -29,6 +30,7 @@ class Figures:
     max_displacement: float
     max_stretch_at: tuple[float, float, float]
     extremes: Mapping[str, tuple[float, float]]
+    peaks: Mapping[str, float]
     stored_energy: float
 
     @property
@@ -38,7 +40,7 @@ class Figures:
     @property
     def max_von_mises(self) -> float:
         """In Pa."""
-        return self.extremes["von_mises_stress"][1]
+        return self.extremes["von_mises"][1]
 
     @property
     def J_min(self) -> float:

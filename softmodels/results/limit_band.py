@@ -1,4 +1,4 @@
-"""The limit of a named silicone at both ends of what its sources say."""
+"""The limit of a named silicone over all its sources."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import PRODUCTS, SILICONES, named
-from softmodels.materials.spread import ends, full_name, product_of, spread_sentence
+from softmodels.materials.spread import full_name, product_of, spanning, spread_sentence
 from softmodels.results.limits import Limit
 
 
-def with_ends(materials: Mapping[str, Material]) -> tuple[dict[str, Material], dict[str, tuple[str, ...]]]:
-    """Materials with the softest and the stiffest source of each silicone that stands for its product.
+def with_sources(materials: Mapping[str, Material]) -> tuple[dict[str, Material], dict[str, tuple[str, ...]]]:
+    """Materials with every source in tension of each silicone that stands for its product.
 
     Args:
         materials: By name as asked for; silicones that are named with their source stay alone.
@@ -26,9 +26,8 @@ def with_ends(materials: Mapping[str, Material]) -> tuple[dict[str, Material], d
         known = named(material)
         if known is None or known not in PRODUCTS or "/" in name:
             continue
-        product = product_of(known)
-        band = []
-        for one in ends(product) or ():
+        product, band = product_of(known), []
+        for one in spanning(product):
             label = name if one is SILICONES[product] else full_name(product, one)
             every.setdefault(label, _like(one.material, material))
             band.append(label)
@@ -42,7 +41,8 @@ def _like(source: Material, asked: Material) -> Material:
 
 
 def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit], cm: float) -> list[str]:
-    """Both ends of the limit of each named silicone, as sentences; how far other products scatter, where it has one source."""
+    """Between which pressures the limits of each silicone's sources lie, as sentences; how far other products scatter, where it
+    has one source."""
     texts = []
     for product, names in bands.items():
         if not names:
@@ -50,11 +50,10 @@ def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit]
             continue
         found = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
         low, high = (
-            f"{one.pressure / cm:.4g} cm ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})" for one, name in found
+            f"{one.pressure / cm:.4g} cm ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
+            for one, name in (found[0], found[-1])
         )
-        texts.append(
-            f"{product} between its softest and stiffest source: {low} to {high}; see softmodels silicones {product}"
-        )
+        texts.append(f"{product} over its {len(names)} sources: {low} to {high}; see softmodels silicones {product}")
     return texts
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from types import MappingProxyType
 
 from softmodels.case.case import Case
 from softmodels.case.gauges import followed_text
 from softmodels.case.region import Region
 from softmodels.materials.casting import density_of, sheet_of
-from softmodels.materials.silicones import SILICONES, named, stretch_at_break
+from softmodels.materials.silicones import broken, extrapolated, named, stretch_at_break
 from softmodels.materials.spread import material_spread
 from softmodels.materials.stability import instabilities
 from softmodels.mechanics.holds import Clamp
@@ -18,6 +19,7 @@ from softmodels.mechanics.named_places import names_in
 from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.walls.part import Walls
 from softmodels.results.row import Row
+from softmodels.results.sources import SourceRows, span_sentence
 from softmodels.results.state_words import state_words
 
 DEEPEST = 0.01
@@ -30,12 +32,19 @@ VOLUME_CHANGE = 0.05
 """Change of the silicone's volume (J at a vertex less 1) above which the user is warned."""
 
 
-def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Warnings that a run's states call for: sentences, none if all is well."""
+def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxyType({})) -> list[str]:
+    """Warnings that a run's states call for: sentences, none if all is well.
+
+    Args:
+        case: What was run.
+        rows: Rows of ``path.csv``.
+        sources: Those of every source of the silicone, where they were solved.
+    """
     return [
+        *typed_notes(case),
         *law_notes(case, rows),
         *stretch_notes(case, rows),
-        *source_notes(case),
+        *source_notes(case, sources),
         *weight_notes(case),
         *bonded_notes(case),
         *volume_notes(rows),
@@ -44,6 +53,12 @@ def notes_of(case: Case, rows: Sequence[Row]) -> list[str]:
         *place_notes(case, rows),
         *band_notes(rows),
     ]
+
+
+def typed_notes(case: Case) -> list[str]:
+    """What was requested by a text that may have meant something else: a sentence, or none."""
+    asked = (case.pressures_cm, case.volumes_ml, case.strokes_ml)
+    return [doubt for values in asked if (doubt := getattr(values, "doubt", ""))]
 
 
 def law_notes(case: Case, rows: Sequence[Row]) -> list[str]:
@@ -93,29 +108,25 @@ def bonded_notes(case: Case) -> list[str]:
 
 def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """What the largest stretches of a run mean for the silicone: sentences, none if it is not known or bears them."""
-    name = named(case.material)
-    if name is None or "max_stretch" not in rows[0]:
+    if "max_stretch" not in rows[0]:
         return []
-    silicone, breaks = SILICONES[name], stretch_at_break(case.material)
+    source, breaks = broken(case.material), stretch_at_break(case.material)
     most = max(rows, key=lambda row: float(row["max_stretch"]))
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
-    if torn is not None:
+    if torn is not None and source is not None:
         return [
             f"at {state_words(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at which "
-            f"{name} broke when pulled ({silicone.source}): the device tears there, and no state from there on is real"
+            f"{named(case.material)} broke when pulled ({source.source}): the device tears there, and no state from there on "
+            "is real"
         ]
-    if silicone.stretches is not None and most["max_stretch"] > silicone.stretches[1]:
-        return [
-            f"the largest stretch, {most['max_stretch']:.3g}, lies beyond {silicone.stretches[1]:g}, up to which {name} was "
-            "fitted: what stretches so far is an extrapolation"
-        ]
-    return []
+    return list(filter(None, [extrapolated(case.material, float(most["max_stretch"]))]))
 
 
-def source_notes(case: Case) -> list[str]:
-    """How far the sources of a named silicone lie apart; none for a material that is not of the library."""
-    text = material_spread(case.material)
-    return [text] if text else []
+def source_notes(case: Case, sources: SourceRows = MappingProxyType({})) -> list[str]:
+    """How far the sources of a named silicone lie apart, and this device's states by them where they were solved; none for a
+    material that is not of the library."""
+    texts = [material_spread(case.material), span_sentence(case, sources) if sources else ""]
+    return [text for text in texts if text]
 
 
 def weight_notes(case: Case) -> list[str]:
@@ -142,21 +153,24 @@ def volume_notes(rows: Sequence[Row]) -> list[str]:
 
 
 def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """A sentence on walls that have met; none if they have not."""
-    first = next((row for row in rows if row.get("walls_touch")), None)
-    if first is None:
+    """A sentence on walls that overlap; none if they do not."""
+    overlapping = [row for row in rows if row.get("walls_touch")]
+    if not overlapping:
         return []
-    where = state_words(case).place(first)
-    if pressing := [part.faces for part in case.parts if isinstance(part, Walls)]:
-        return [
-            f"at {where} walls that face each other have met and pass through each other: [walls] names "
-            f"{', '.join(pressing)}, and others do not press"
-        ]
+    where, deepest = state_words(case), min(overlapping, key=lambda row: row["least_gap_mm"])
+    count = f"{len(overlapping)} of {len(rows)} states" if len(overlapping) > 1 else "one state"
+    found = (
+        f"WALLS OVERLAP: from {where.place(overlapping[0])} on, in {count}, walls pass through each other, by up to "
+        f"{-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: these states are not real (least_gap_mm and "
+        "walls_touch in path.csv)"
+    )
+    walls = [part for part in case.parts if isinstance(part, Walls) and not part.off]
+    if not walls:
+        auto = "" if case.actuator.meeting == () else " (--walls auto)"
+        return [f"{found}; let them press on each other{auto}, or name them in a [walls] table of a case file"]
     return [
-        f"at {where} walls that face each other have met: from there on they would press on each other, "
-        "and here they pass through; see walls_touch in path.csv, leave more room between them, or name them in a "
-        "[walls] table of a case file (a wall and its mirror image can be stopped at the plane between: "
-        "--contact with --contact-plane)"
+        f"{found}; {', '.join(part.words for part in walls)} press on each other; take smaller cells (--cell-size), a larger "
+        "stiffness, or name the faces there too ([walls])"
     ]
 
 
@@ -183,15 +197,8 @@ def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
 
 def place_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """A sentence on each named point that is followed somewhere else than where it was named."""
-    first = next((row for row in rows if not row["step"]), None)
-    if first is None or not case.gauges.points:
-        return []
-    said = []
-    for name, wanted in case.gauges.places.items():
-        at = [1e-3 * float(first[f"{name}_{axis}_mm"]) for axis in "xyz"]
-        if (away := math.dist(at, wanted)) > NEAR * case.actuator.size:
-            said.append(followed_text(name, at, away))
-    return said
+    away = {name: 1e-3 * rows[0].get(column) for name, column in case.gauges.off_columns.items()} if rows else {}
+    return [followed_text(name, far) for name, far in away.items() if far > NEAR * case.actuator.size]
 
 
 def left_out(case: Case) -> str:
@@ -201,6 +208,8 @@ def left_out(case: Case) -> str:
     )
     for part in case.parts:
         stopped += part.in_model
+    pressing = [part.words for part in case.parts if isinstance(part, Walls) and not part.off]
+    meeting = f"{'; '.join(pressing)} press on each other without friction, others" if pressing else "walls that meet"
     heavy = any(isinstance(part, Gravity) for part in case.parts)
     weight = "viscosity is" if heavy else "weight and viscosity are"
-    return f"the silicone is elastic; {weight} not in the model, and walls that meet pass through{stopped}"
+    return f"the silicone is elastic; {weight} not in the model, and {meeting} pass through{stopped}"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.results.peak import WORDS
 from softmodels.results.terms import AT_POINTS
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ class Extreme:
         text: What it is, a sentence without its stop.
         unit: SI value of the column's unit.
         least: Whether it is the least value, not the largest.
+        peak: Whether it is the field's `softmodels.results.peak`, which no single point decides.
     """
 
     column: str
@@ -55,6 +57,7 @@ class Extreme:
     text: str
     unit: float = 1.0
     least: bool = False
+    peak: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,23 +86,27 @@ class OutputField:
     @property
     def largest(self) -> Extreme | None:
         """The column of its largest value, if it has one."""
-        return next((one for one in self.extremes if not one.least), None)
+        return next((one for one in self.extremes if not (one.least or one.peak)), None)
 
 
 FIELDS: list[OutputField] = [
     OutputField("displacement", "m", "displacement", lambda at: at.displacement),
     OutputField("p", "Pa", "pressure-like unknown", lambda at: at.p),
     OutputField(
-        "von_mises_stress", "Pa", "von Mises stress", lambda at: at.at_nodes(at.von_mises, positive=True),
+        "von_mises", "Pa", "von Mises stress", lambda at: at.at_nodes(at.von_mises, positive=True),
         lambda at: at.von_mises,
-        (Extreme("max_von_mises_kPa", "largest von Mises stress", f"Cauchy stress that changes the shape; {AT_POINTS}", 1e3),),
+        (Extreme("max_von_mises_kPa", "largest von Mises stress", f"Cauchy stress that changes the shape; {AT_POINTS}", 1e3),
+         Extreme("peak_von_mises_kPa", "peak von Mises stress", f"{WORDS}; what designs are judged by", 1e3, peak=True)),
         Colours("kPa", 1e-3, 0.0, 0.5),
     ),
     OutputField(
         "largest_stretch", "", "largest stretch", lambda at: at.at_nodes(at.stretches[..., -1], positive=True),
         lambda at: at.stretches[..., -1],
         (Extreme("max_stretch", "largest stretch",
-                 f"length over length at rest, in the direction where it is most; {AT_POINTS}"),),
+                 f"length over length at rest, in the direction where it is most; {AT_POINTS}, so at sharp corners and clamped "
+                 "edges it grows with every refinement of the mesh"),
+         Extreme("peak_stretch", "peak stretch", f"of the largest stretch the {WORDS}, which does not depend on the mesh; what "
+                 "designs are judged by", peak=True)),
         Colours("", 1.0, 1.0),
     ),
     OutputField(

@@ -23,8 +23,14 @@ def rigid_parts(sampling: Sampling, state: State) -> dict[str, float]:
     moving = eq.unknowns.moving
     if not moving:
         return {}
-    forces = -eq.residual(dead=False)
-    return {f"{name}_{key}": value for name, motion in moving.items() for key, value in _figures(eq, motion, forces)}
+    surplus = eq.surplus()
+    drives = eq.drives_at(state)[len(eq.body.actuator.ratios) :]
+    found: dict[str, float] = {}
+    for name, motion in moving.items():
+        # All that acts on the part's nodes pushes on it, the silicone's weight there too, but what the part itself bears.
+        forces = -surplus - eq.dead.borne(motion.dofs.ravel(), drives)
+        found |= {f"{name}_{key}": value for key, value in _figures(eq, motion, forces)}
+    return found
 
 
 def _figures(eq: System, motion: RigidMotion, forces: Array) -> Iterator[tuple[str, float]]:

@@ -14,8 +14,16 @@ from softmodels.results.columns import cavity_columns, load_columns, loads_words
 from softmodels.results.row import Row
 
 PRESSURE_AND_VOLUME = ("pressure_Pa", "added_volume_ml")
-OF_PRESSURE = re.compile(r"pressure(_\d+|_95)*_(cm|Pa)")
+OF_PRESSURE = re.compile(r"pressure(_\d+|_95|_at_\w+_95)*_(cm|Pa)")
 OF_VOLUME = re.compile(r"added_volume(_\d+|_95)*_ml")
+
+
+OVERLAP_MARK = "WALLS OVERLAP"
+
+
+def overlap_text(row: Row) -> str:
+    """That walls pass through each other in a state, for its line, its title and its picture; empty where they do not."""
+    return f"{OVERLAP_MARK} by {-row['least_gap_mm']:.3g} mm, not a real state" if row.get("walls_touch") else ""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -22,9 +22,13 @@ import numpy.typing as npt
 from measurement.own_files import remove_steps
 from measurement.own_folder import PATIENCE, OwnFolder
 from measurement.wording import Spoken
+from softmodels.case.case import Case
+from softmodels.case.material_errors import SourceBand
 from softmodels.results.picture_files import picture_folder
 from softmodels.results.reading import inside, opened, read_values
 from softmodels.results.row import Row
+from softmodels.results.sources import FILE as SOURCES
+from softmodels.results.sources import SourceRows, in_order, read_sources, write_sources
 from softmodels.results.stored_step import RESTART, ROW, StoredStep, read_step, shapes_of
 from softmodels.results.writing import hdf5_reason, replace, replace_hdf5, write_text
 
@@ -33,7 +37,7 @@ if TYPE_CHECKING:
 
     from softmodels.results.restart import Restart
 
-FORMAT = 3
+FORMAT = 4
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
 RUN, BRANCH = "run", "branch/"
 """What a folder's record calls a run; the folder inside for a branch that leaves its path."""
@@ -80,6 +84,16 @@ class Results:
         """Results of the branch that leaves this path, in a folder of their own; there may be none."""
         return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch")
 
+    def write_sources(self, sources: SourceRows) -> None:
+        """Write the paths of the silicone's other sources beside the run's own; none where there are none."""
+        if sources:
+            self.own.claim([SOURCES])
+            write_sources(self.folder, sources)
+
+    def sources(self, case: Case) -> dict[str, Sequence[Row]]:
+        """Rows of each source of the silicone, the run's own among them; empty where no others were solved."""
+        return in_order(case, self.rows, read_sources(self.folder) if isinstance(case.band, SourceBand) else {})
+
     @property
     def files(self) -> list[str]:
         """Names of what a run writes, pictures aside."""
@@ -90,6 +104,7 @@ class Results:
             f"{name}.xdmf",
             f"{name}.vtkhdf",
             "path.csv",
+            SOURCES,
             "summary.json",
             f"{name}.msh",
             f"{name}.steps/",

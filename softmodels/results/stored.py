@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,11 @@ class States:
         if branch.heavy.exists():
             branch.load()
         return branch.rows
+
+    @functools.cached_property
+    def sources(self) -> dict[str, Sequence[Row]]:
+        """Rows of each source of the silicone, the run's own among them; none where no others were solved."""
+        return self.results.sources(self.case)
 
     def field(self, step: int, name: str) -> Array:
         """A nodal field of a state, shape (n,) or (n, 3), SI units."""

@@ -42,3 +42,8 @@ def split(column: str) -> tuple[str, str]:
 def described(column: str, texts: tuple[str, str]) -> Term:
     """The term of a column from its short name and its meaning."""
     return Term(texts[0], split(column)[1], texts[1])
+
+
+def at_rise(gauge: str) -> str:
+    """Column of the pressure's 95 % band at the same rise of a device's gauge."""
+    return f"pressure_at_{gauge}_95_cm"

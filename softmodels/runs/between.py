@@ -68,7 +68,7 @@ def _bracket(source: Source, values: Array, wanted: float) -> tuple[int, int] | 
         low, high = sorted(values[[before, after]])
         if low < wanted < high and not source.rows[after]["jump"]:
             return before, after
-    if source.rows[0]["pressure_Pa"] or source.rows[0]["added_volume_ml"]:
+    if not any(row["jump"] for row in source.rows):  # as on a branch
         raise RunError("the branch has no two neighbouring states with this value between them")
     return None
 

@@ -6,11 +6,13 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from measurement.arguments import checked, place
 from measurement.user_file import GEOMETRY, read_file
 from softmodels.case.case import Case, CaseError
 from softmodels.case.decks.calculix import calculix
 from softmodels.case.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
 from softmodels.case.decks.febio import check_without_springs, febio
+from softmodels.case.parts_entry import without_walls
 
 if TYPE_CHECKING:
     from softmodels.mechanics.system import System
@@ -19,6 +21,7 @@ WRITERS = {".inp": (check, calculix), ".feb": (check_without_springs, febio)}
 """By the ending of a deck's file: what refuses a case before it is meshed, and what writes it."""
 
 
+@checked
 def export(case: Case | str | Path, file: str | Path) -> Deck:
     """Write a case for another program: the same mesh, silicones, supports, rigid parts, contact, dead loads and pressures.
 
@@ -36,7 +39,8 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
             equations cannot be made.
         OSError: The file cannot be written.
     """
-    whole, path = case if isinstance(case, Case) else Case.from_file(Path(case)), Path(file)
+    whole = case if isinstance(case, Case) else Case.from_file(place("case", case, "a case file, or a Case"))
+    path = place("file", file, "a file")
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise CaseError(
@@ -76,4 +80,4 @@ def _system(case: Case, mesh: Path) -> System | None:
 
     with compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
-        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=case.parts)
+        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=without_walls(case.parts))

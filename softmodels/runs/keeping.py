@@ -19,6 +19,7 @@ from softmodels.runs.gathering import gather, not_gathered
 from softmodels.runs.recording import no_branch, record
 from softmodels.runs.run import Ended, Run
 from softmodels.runs.simulation import Simulation
+from softmodels.runs.sources import solve_sources
 from softmodels.runs.states import InFolder, InMemory
 from softmodels.runs.step import PathEnded
 from softmodels.runs.temporary_folder import temporary_folder
@@ -69,6 +70,7 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
                 if case.program:
                     raise
             aside = _branch(simulation, states, mesh) if branch else None
+            states.others = solve_sources(simulation, mesh)
     except RunError as error:
         ended = Ended.by(error)
         if states is None:
@@ -143,7 +145,7 @@ def _close(results: Results, case: Case, ended: Ended) -> None:
     if not results.stored:
         return
     try:
-        gather(case, results, ended.status, ended.message, notes_of(case, results.rows))
+        gather(case, results, ended.status, ended.message, notes_of(case, results.rows, results.sources(case)))
     except OSError as error:
         raise RunError(not_gathered(error)) from error
     results.own.forget_unwritten()

@@ -19,6 +19,7 @@ from softmodels.results.store import BRANCH, Results, write_text
 from softmodels.runs.folder import mesh_is_known
 from softmodels.runs.gathering import gather
 from softmodels.runs.simulation import Simulation
+from softmodels.runs.sources import solve_sources
 from softmodels.runs.step import FROM_REST, Begun, PathEnded, Step
 
 if TYPE_CHECKING:
@@ -67,6 +68,8 @@ def record(
         ended = end
     if branch:
         _record_branch(simulation, results)
+    sources = solve_sources(simulation, results.own.path / mesh.name)  # where it is since the first state
+    on_root(comm, lambda: results.write_sources(sources))
     if ended is not None:
         raise ended
 

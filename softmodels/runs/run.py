@@ -5,20 +5,25 @@ from __future__ import annotations
 import dataclasses
 import functools
 import io
-from collections.abc import Iterator
+import operator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from measurement.arguments import checked, place
+from measurement.units import UnitError, brief, number
 from measurement.user_file import file_digest
-from measurement.wording import spoken, written
+from measurement.wording import Spoken, known_are, spoken, written
 from softmodels.case.case import CaseError
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.limits import Limit
 from softmodels.results.notes import notes_of
 from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.results.row import Row
+from softmodels.results.sources import in_order
 from softmodels.results.state_words import state_words
 from softmodels.results.store import Results
 from softmodels.runs.between import solve_between
@@ -54,6 +59,22 @@ class Ended:
         return cls(error.status, written(error), error)
 
 
+class StateIndexError(Spoken, IndexError):
+    """A number that no state of a run has; the message is a sentence for the user."""
+
+
+def _number(value: object, what: str, more: str = "") -> float:
+    """A finite number, of numpy's too.
+
+    Raises:
+        CaseError: It is none.
+    """
+    try:
+        return number(value.item() if isinstance(value, np.generic) else value)
+    except UnitError as error:
+        raise CaseError(f"{what}: {error}; give a finite number{more}") from None
+
+
 class Run:
     """A device that was inflated. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
 
@@ -62,12 +83,11 @@ class Run:
 
     Attributes:
         case: What was run.
-        rows: Rows of ``path.csv``, one for each state, with that file's units.
         branch: The branch that leaves the path at its first bifurcation, where that was asked for and there is one; else None.
     """
 
     def __init__(self, source: Source, ended: Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
-        self.case, self.rows, self.branch = source.case, source.rows, branch
+        self.case, self.branch = source.case, branch
         self._source, self._ended, self._comm = source, ended, comm
         self._solved: dict[tuple[str, float], SolvedState] = {}
 
@@ -79,10 +99,17 @@ class Run:
 
     # -- the path as arrays -------------------------------------------------------------------------------------------
 
-    @functools.cached_property
+    @property
+    def rows(self) -> list[Row]:
+        """Rows of ``path.csv``, one for each state, with that file's units."""
+        return list(self._source.rows)
+
+    @property
     def path(self) -> dict[str, npt.NDArray[np.generic]]:
-        """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it."""
-        return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
+        """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it. Made anew each
+        time it is asked for, so that it can be changed."""
+        rows = self.rows
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     @property
     def pressure(self) -> Array:
@@ -138,10 +165,16 @@ class Run:
             spoken(self._ended.message),
         )  # fmt: skip
 
+    @functools.cached_property
+    def sources(self) -> dict[str, Sequence[Row]]:
+        """Rows of ``path.csv`` under each source of the silicone by name, from the softest to the stiffest, this run's own
+        among them; empty unless the case's ``band`` is a silicone's."""
+        return in_order(self.case, self.rows, self._source.others)
+
     @property
     def notes(self) -> list[str]:
         """What one must know before trusting the numbers: sentences, none if all is well."""
-        return [spoken(note) for note in notes_of(self.case, self.rows)]
+        return [spoken(note) for note in notes_of(self.case, self.rows, self.sources)]
 
     # -- its states ---------------------------------------------------------------------------------------------------
 
@@ -149,7 +182,14 @@ class Run:
         return len(self.rows)
 
     def __getitem__(self, step: int) -> SolvedState:
-        return state_of(self._source, range(len(self))[step])
+        count = len(self)
+        try:
+            number = range(count)[operator.index(step)]
+        except (TypeError, IndexError):
+            wanted = f"a whole number from 0 to {count - 1}, or from the end, -1 to -{count}"
+            # IndexError ends a loop over the states of a sequence.
+            raise StateIndexError(f"the run has no state number {brief(step)}; it must be {wanted}") from None
+        return state_of(self._source, number)
 
     def __iter__(self) -> Iterator[SolvedState]:
         return (self[step] for step in range(len(self)))
@@ -158,6 +198,7 @@ class Run:
     def last(self) -> SolvedState:
         return self[-1]
 
+    @checked
     def at(self, value: str | float) -> SolvedState:
         """The state at a value; of several, as on a cycle, the first of the requested ones.
 
@@ -182,8 +223,9 @@ class Run:
             raise RunError(self._not_there(value, quantity, there))
         if (quantity, wanted) not in self._solved:
             self._solved[quantity, wanted] = solve_between(self._source, quantity, wanted, there)
-        return self._solved[quantity, wanted]
+        return dataclasses.replace(self._solved[quantity, wanted])  # with a grid of its own
 
+    @checked
     def where(self, column: str, value: float) -> SolvedState:
         """The first state at which a figure of the path has a value, such as a plate its height; solved for, as by `at`.
 
@@ -195,9 +237,11 @@ class Run:
             CaseError: No such column.
             RunError: The path has no such value.
         """
-        if column not in self.rows[0] or not isinstance(self.rows[0][column], float):
-            raise CaseError(f"the path has no figure {column!r}; it has {', '.join(self.rows[0])}")
-        there, wanted = self._column(column, 1.0), float(value)
+        first = self.rows[0]
+        figures = [name for name in first if isinstance(first[name], float)]
+        if column not in figures:
+            raise CaseError(f"the path has no figure {brief(column)}; {known_are(column, figures)}")
+        there, wanted = self._column(column, 1.0), _number(value, f"{column} of a state")
         if near := np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max()).tolist():
             return self[near[0]]
         if self.case.program:
@@ -207,13 +251,13 @@ class Run:
             raise RunError(f"the run has no state with {column} {wanted:g}: it goes from {low:.4g} to {high:.4g}{why}")
         if (column, wanted) not in self._solved:
             self._solved[column, wanted] = solve_between(self._source, column, wanted, there)
-        return self._solved[column, wanted]
+        return dataclasses.replace(self._solved[column, wanted])
 
     def _asked(self, value: str | float) -> tuple[str, float]:
         """What is asked for, and the value in SI units."""
         own = self.case.quantity
         if not isinstance(value, str):
-            return own, float(value)
+            return own, _number(value, "the value of a state", ", or a text such as '70 cm' or '40 ml'")
         if own == "step":
             raise CaseError("a program's states are asked for by the number of the step, such as run.at(2)")
         if own not in COLUMNS:
@@ -246,7 +290,9 @@ class Run:
             figure = (
                 program_curves.steps(self.rows, words)
                 if self.case.program
-                else path_curves.rise(self.rows, words.gauge, self.case.cm, (), path_curves.over_of(self.case))
+                else path_curves.rise(
+                    self.rows, words.gauge, self.case.cm, (), path_curves.over_of(self.case), self.sources
+                )
             )
 
         def png() -> bytes:
@@ -258,6 +304,7 @@ class Run:
         figure._repr_png_ = png  # type: ignore[attr-defined]  # what a notebook shows
         return figure
 
+    @checked
     def save(self, folder: str | Path) -> Path:
         """Write the folder that the command line writes: ``softmodels draw`` makes its pictures, `softmodels.load` reads it.
 
@@ -271,13 +318,14 @@ class Run:
             OwnFolderError, InUseError: The folder is somebody else's.
             RunError: It cannot be written.
         """
-        if isinstance(self._source, InFolder) and self._source.is_in(Path(folder)):
-            return Path(folder)
+        output = place("folder", folder, "a folder")
+        if isinstance(self._source, InFolder) and self._source.is_in(output):
+            return output
         if self._comm is None:
-            self._save(Path(folder))
+            self._save(output)
         else:
-            on_root(self._comm, lambda: self._save(Path(folder)))
-        return Path(folder)
+            on_root(self._comm, lambda: self._save(output))
+        return output
 
     def _save(self, folder: Path) -> None:
         results, _ = begin(self.case, folder, resume=False, draw=False)
@@ -288,7 +336,9 @@ class Run:
             write_states(self._source, results)
             if self.branch is not None:
                 self.branch._save_branch(results)
-            gather(self.case, results, self._ended.status, self._ended.message, notes_of(self.case, self.rows))
+            results.write_sources(self._source.others)
+            notes = notes_of(self.case, self.rows, self.sources)
+            gather(self.case, results, self._ended.status, self._ended.message, notes)
             results.own.forget_unwritten()
         finally:
             results.own.leave()

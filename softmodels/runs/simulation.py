@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from geometries import MeshingStopped, kept_meshes
 from softmodels.case.case import Case
+from softmodels.case.material_errors import MaterialErrors
 from softmodels.materials.stability import weakness
 from softmodels.mechanics import c_library
 from softmodels.mechanics.compiling import CompilingError, cache, compiling, wait_for_cache
@@ -119,7 +120,7 @@ class Simulation:
         from softmodels.results.band import Band
 
         case = self.case
-        return None if case.band is None else Band(self.fields, case.band, case.cm, case.quantity)
+        return Band(self.fields, case.band, case.cm, case.quantity) if isinstance(case.band, MaterialErrors) else None
 
     def describe(self) -> None:
         """Report what is solved: followed points, sizes, and how far the law can be trusted."""

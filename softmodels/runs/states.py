@@ -6,19 +6,24 @@ import dataclasses
 import functools
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from measurement.own_files import is_same
+from measurement.read_only import keep_arrays, read_only
 from softmodels.case.case import Case
+from softmodels.case.material_errors import SourceBand
 from softmodels.mechanics.mpi import on_root
 from softmodels.results.restart import Restart
 from softmodels.results.row import Row
-from softmodels.results.store import RESTART, Results
+from softmodels.results.sources import read_sources
+from softmodels.results.store import RESTART, Results, ResultsError
 from softmodels.results.stored import States
 from softmodels.results.stored_step import KEPT
+from softmodels.results.writing import hdf5_reason
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.step import Step
 
@@ -29,7 +34,7 @@ Array = npt.NDArray[np.float64]
 
 VTK_CELLS = {"Triangle_6": 22, "Tetrahedron_10": 24}
 """VTK's number of each kind of cell."""
-PUBLIC = ("displacement", "p", "von_mises_stress", "largest_stretch", "J", "mode")
+PUBLIC = ("displacement", "p", "von_mises", "largest_stretch", "J", "mode")
 """Nodal fields of a state; the mode at a bifurcation alone."""
 
 
@@ -42,6 +47,7 @@ class Source(Protocol):
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
         cells: Node numbers in VTK's order, shape (c, 6 or 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+        others: Rows of the silicone's other sources by name; empty where they were not asked for.
     """
 
     case: Case
@@ -49,6 +55,7 @@ class Source(Protocol):
     points: Array
     cells: npt.NDArray[np.int64]
     cell_name: str
+    others: dict[str, list[Row]]
 
     def fields(self, step: int) -> Mapping[str, Array]:
         """All nodal fields of a state, with what a restart needs where it is kept."""
@@ -78,6 +85,7 @@ class InMemory:
         # The grid is whole on rank 0 alone.
         self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
         self.rows: list[Row] = []
+        self.others: dict[str, list[Row]] = {}
         self._fields: list[dict[str, Array]] = []
         self._restarts: list[Restart] = []
 
@@ -114,12 +122,13 @@ class InFolder:
     """
 
     def __init__(self, folder: Path, home: Path | None = None):
-        folder = folder.absolute()  # the caller may step into another one
+        folder = _absolute(folder)  # the caller may step into another one
         states = States(folder, Case.from_file(folder / "case.toml").name)
         self.folder, self._results = folder, states.results
         self._mesh = (folder if home is None else home) / f"{states.case.name}.msh"
         self.case, self.rows = states.case, states.rows
         self.points, self.cells, self.cell_name = states.points, states.cells, states.cell_name
+        self.others = read_sources(folder) if isinstance(self.case.band, SourceBand) else {}
 
     def branch(self) -> InFolder | None:
         """The states of the branch that leaves the path; None if none was followed."""
@@ -137,26 +146,40 @@ class InFolder:
         from softmodels.results.state_dofs import RAW
 
         names = [*PUBLIC, *(name for pair in RAW for name in pair)]
-        there = tuple(name for name in names if self._results.has(step, [name]))
-        return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
+        try:
+            there = tuple(name for name in names if self._results.has(step, [name]))
+            return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
+        except (OSError, KeyError) as error:
+            raise self._gone(error) from None
 
     def restart(self, step: int) -> Restart:
         return self._results.stored[step].restart
 
     def mesh(self) -> bytes:
-        return self._mesh.read_bytes()
+        try:
+            return self._mesh.read_bytes()
+        except OSError as error:
+            raise self._gone(error) from None
+
+    def _gone(self, error: Exception) -> ResultsError:
+        """What is raised where the folder has changed since it was loaded."""
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else hdf5_reason(error)
+        return ResultsError(
+            f"the states in {self.folder} cannot be read any more ({reason}); put the folder back where it was, or load it "
+            "from where it is now"
+        )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SolvedState:
-    """One state of a run, SI units.
+    """One state of a run, SI units. Its arrays are read-only; ``state.displacement.copy()`` can be changed.
 
     Attributes:
         row: Its row of ``path.csv``, with that file's units.
         points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
         cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
-        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises_stress``, ``largest_stretch``, ``J`` and, at a
+        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises``, ``largest_stretch``, ``J`` and, at a
             bifurcation, its ``mode``.
     """
 
@@ -165,6 +188,12 @@ class SolvedState:
     cells: npt.NDArray[np.int64]
     cell_name: str
     fields: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        # The arrays are the run's own: what `Run.at` solves next and `Run.save` writes starts from them.
+        keep_arrays(self)
+        fields = {name: read_only(values) for name, values in self.fields.items()}
+        object.__setattr__(self, "fields", MappingProxyType(fields))
 
     @property
     def pressure(self) -> float:
@@ -184,7 +213,7 @@ class SolvedState:
     @property
     def von_mises(self) -> Array:
         """Von Mises stress in Pa, shape (n,)."""
-        return self.fields["von_mises_stress"]
+        return self.fields["von_mises"]
 
     @property
     def largest_stretch(self) -> Array:
@@ -196,16 +225,38 @@ class SolvedState:
         """Ratio of the silicone's volume to that at rest, shape (n,)."""
         return self.fields["J"]
 
+    @property
+    def p(self) -> Array:
+        """Pressure-like unknown in Pa, shape (n,)."""
+        return self.fields["p"]
+
+    @property
+    def mode(self) -> Array | None:
+        """Mode in which the device leaves its path at a bifurcation, shape (n, 3); None in any other state."""
+        return self.fields.get("mode")
+
     @functools.cached_property
     def grid(self) -> UnstructuredGrid:
         """The undeformed device as a `pyvista.UnstructuredGrid` with the fields; ``grid.warp_by_vector("displacement")``
         moves it."""
         import pyvista
 
-        grid = pyvista.UnstructuredGrid({VTK_CELLS[self.cell_name]: self.cells}, self.points)
+        # Copies: VTK writes into what it is given, and a grid is changed freely.
+        grid = pyvista.UnstructuredGrid({VTK_CELLS[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():
-            grid.point_data[name] = values
+            grid.point_data[name] = values.copy()
         return grid
+
+
+def _absolute(folder: Path) -> Path:
+    """A folder from wherever the caller is; `ResultsError` where that is a folder that was deleted."""
+    try:
+        return folder.absolute()
+    except OSError:
+        raise ResultsError(
+            f"{folder} is counted from the folder that this program runs in, and that is not there any more; step into another "
+            "one, or give a whole path"
+        ) from None
 
 
 def _public(fields: Mapping[str, Array]) -> dict[str, Array]:

@@ -37,7 +37,7 @@ def main():
     from softmodels.case.case import Case
     from softmodels.case.material_table import DEFAULT
     from softmodels.design.model import DesignModel
-    from softmodels.design.quantities.peaks import MaxStretch
+    from softmodels.design.quantities.peaks import PeakStretch
     from softmodels.design.quantities.places import Place, Rise
     from softmodels.design.quantities.volumes import AddedVolume, StoredEnergy
     from softmodels.materials.silicones import silicone_called
@@ -45,7 +45,7 @@ def main():
 
     device = devices(given.device, given.coarse)
     quantities = (Rise(at=PRESSURE), Place(at=PRESSURE, axis="x"), AddedVolume(at=PRESSURE), StoredEnergy(at=PRESSURE))
-    quantities += (MaxStretch(at=PRESSURE),)
+    quantities += (PeakStretch(at=PRESSURE),)
     material = DEFAULT if given.device == "disk" else silicone_called("ecoflex-00-30").material
     case = Case(name="cost", actuator=device, material=material, pressures_cm=(177.0,))
     names = device.movable[:20]

@@ -82,7 +82,11 @@ RIGID: dict[str, tuple[sm.Actuator, tuple[float, ...], dict[str, Any]]] = {
     ),
     "bench": (COARSE, (40.0, 80.0), {"obstacle": sm.Obstacle("top", f"z = {1e3 * TOP + 0.5} mm")}),
     "ball": (COARSE, (40.0, 80.0), {"parts": (BALL,)}),
-    "lifted": (COARSE, (60.0,), {"parts": (dataclasses.replace(BALL, guide="z", mass=0.02),)}),
+    "lifted": (
+        COARSE,
+        (60.0,),
+        {"parts": (dataclasses.replace(BALL, guide="z", mass=0.02), sm.Gravity("-z", density=0.0))},
+    ),
     "rod": (SMALL, (8.0, 16.0), {"parts": (ROD, sm.Gravity("-z"))}),
     "wound": (TUBE, (30.0,), {"parts": (sm.Fibres("outer", angle=70.0, stiffness=300.0),)}),
     "cloth": (TUBE, (30.0,), {"parts": (sm.Fabric("outer", 400.0, 150.0),)}),

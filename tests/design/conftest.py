@@ -11,7 +11,7 @@ from softmodels.design.loads import Load
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities.geometric import Clearances
 from softmodels.design.quantities.limits import LimitMargin
-from softmodels.design.quantities.peaks import MaxStretch, VonMises
+from softmodels.design.quantities.peaks import PeakStretch, PeakVonMises
 from softmodels.design.quantities.places import Place, Rise
 from softmodels.design.quantities.volumes import AddedVolume, Mass, StoredEnergy
 from softmodels.materials.laws import NeoHookean
@@ -51,8 +51,8 @@ def of_all_kinds():
     """Quantities of every kind before and past the limit point."""
     return (
         Rise(at=WORKING), Place(at=WORKING, of="ceiling"), AddedVolume(at=WORKING), StoredEnergy(at=WORKING),
-        MaxStretch(at=WORKING), VonMises(at=WORKING), LimitMargin(), Mass(), Rise(at=PAST), StoredEnergy(at=PAST),
-        MaxStretch(at=PAST), Clearances(),
+        PeakStretch(at=WORKING), PeakVonMises(at=WORKING), LimitMargin(), Mass(), Rise(at=PAST), StoredEnergy(at=PAST),
+        PeakStretch(at=PAST), Clearances(),
     )  # fmt: skip
 
 

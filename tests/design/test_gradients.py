@@ -15,7 +15,7 @@ from softmodels.design.loads import Load
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities.forces import BlockedForce, Stiffness
 from softmodels.design.quantities.limits import LimitPressure
-from softmodels.design.quantities.peaks import MaxStretch
+from softmodels.design.quantities.peaks import PeakStretch
 from softmodels.design.quantities.places import DeviceFigure, Rise
 from softmodels.design.quantities.volumes import AddedVolume, Mass
 from softmodels.design.states import WorkingStates
@@ -42,7 +42,13 @@ def test_membranes(designed, second_order, comm, name):
         cell_size=0.004, through=2.0, plate_radius=0.006, rings=(0.011, 0.014), ring_thickness=0.001, clamp="below",
         clamp_width=0.004,
     )  # fmt: skip
-    quantities = (Rise(at=1000.0), AddedVolume(at=1000.0), MaxStretch(at=1000.0), Mass(), Rise(at=Load("volume", 3e-6)))
+    quantities = (
+        Rise(at=1000.0),
+        AddedVolume(at=1000.0),
+        PeakStretch(at=1000.0),
+        Mass(),
+        Rise(at=Load("volume", 3e-6)),
+    )
     names = ("radius", "thickness", "clamp_width", "plate_radius", "rings[1]", "ring_thickness")
     # A percent of a ring's radius is four of its width.
     second_order(
@@ -69,7 +75,7 @@ def test_bellows(designed, second_order, comm, name):
     """Roots and crests with upright lines between their arcs, which shift as a pitch or a rounding changes."""
     bellows = Bellows(convolutions=1, rounding=0.0015, cell_size=0.004, through=1.0)
     quantities = (
-        Rise(at=1000.0), DeviceFigure(of="width_mm", at=1000.0), AddedVolume(at=1000.0), MaxStretch(at=1000.0), Mass(),
+        Rise(at=1000.0), DeviceFigure(of="width_mm", at=1000.0), AddedVolume(at=1000.0), PeakStretch(at=1000.0), Mass(),
     )  # fmt: skip
     names = ("inner_radius", "outer_radius", "wall", "pitch", "rounding", "cap")
     second_order(designed(bellows, names, quantities, comm), name, TAYLOR, "bellows")

@@ -78,7 +78,8 @@ def test_table_gives_the_same_part_back(step):
     ("changes", "words"),
     [
         ({"file": "missing.step"}, "cannot be read"),
-        ({"cavities": ()}, "cavities is empty"),
+        ({"cavities": ()}, "2 closed inner shells, with their middles at 9, 1, 3; 22, 2, 6 mm"),
+        ({"cavities": (), "planes": ()}, "no closed inner shell"),
         ({"cavities": ("at 10, 0, 3",)}, "write a point as"),
         ({"cavities": ("at 2, 2, 2 mm",)}, "lies in the solid"),
         ({"cavities": ("at 100, 2, 2 mm",)}, "outside the part"),
@@ -100,6 +101,26 @@ def test_table_gives_the_same_part_back(step):
 def test_impossible_choices_are_refused(changes, words, step):
     with pytest.raises(GeometryError, match=words):
         ImportedActuator(**{"file": step, **CHOICES, **changes})
+
+
+@pytest.mark.parametrize("planes", [(), ("y = 0 mm",)])
+def test_the_only_inner_shell_is_the_cavity(step_file, tmp_path, planes):
+    """Of a whole part, and of one that is cut through its cavity."""
+
+    def draw(occ):
+        half = 0 if planes else -5
+        block, hole = occ.addBox(0, half, -5, 20, 5 - half, 10), occ.addBox(6, -3, -2, 10, 6, 3)
+        occ.cut([(3, block)], [(3, hole)])
+
+    file = step_file(tmp_path / "part.step", draw)
+    found = ImportedActuator(file=file, support="x = 0 mm", planes=planes, cell_size=0.004)
+    named = ImportedActuator(
+        file=file, support="x = 0 mm", planes=planes, cell_size=0.004, cavities=("at 8, 0, -1 mm",)
+    )
+    assert found.cavity_volume == pytest.approx(10e-3 * 6e-3 * 3e-3, rel=1e-9)
+    assert found.reading == named.reading and found.ratios == (1.0,)
+    with pytest.raises(GeometryError, match="2 values for 1 cavity"):
+        ImportedActuator(file=file, support="x = 0 mm", planes=planes, pressure_ratios=(1.0, 1.0))
 
 
 def test_no_step_file(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.case.load_request import LoadRequest
-from softmodels.case.material_errors import MaterialErrors
+from softmodels.case.material_errors import MaterialErrors, SourceBand, band_of
 from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.pictures.style import headline
 from softmodels.results.columns import term
@@ -179,3 +179,84 @@ def test_of_a_force_on_an_inflated_device():
     assert sm.run(case).rows[-1]["apex_95_mm"] == pytest.approx(expected, rel=2e-3)
     with pytest.raises(CaseError, match="a band is told of states"):
         dataclasses.replace(case, driven=LoadRequest("travel_mm", (1.0,)))
+
+
+def test_at_the_same_rise(heavy_run):
+    """Sideways in the picture; under a weight far from the band at the same volume: the same height is another shape then."""
+    row = next(row for row in heavy_run.rows if row["requested"] and row["pressure_cm"] == 20.0)
+
+    def pressure(other):
+        return heavy(other, "17,23 cm").where("apex_mm", row["apex_mm"]).row["pressure_cm"]
+
+    assert row["pressure_at_apex_95_cm"] == pytest.approx(half(slopes(pressure)), rel=1e-3)
+    assert row["pressure_at_apex_95_cm"] < 0.7 * row["pressure_95_cm"]
+    limit = next(row for row in heavy_run.rows if row["limit"])
+    assert limit["pressure_at_apex_95_cm"] == pytest.approx(limit["pressure_95_cm"], rel=1e-6)
+    assert "same rise of the apex" in term("pressure_at_apex_95_cm", DISK).text
+    axes = heavy_run.plot().axes[0]
+    (area,) = [one for one in axes.collections if one.get_label() == "95 % band of the pressure at equal rise"]
+    at = area.get_paths()[0].vertices
+    sideways = at[np.abs(at[:, 1] - row["apex_mm"]) < 0.02 * row["apex_mm"], 0]
+    assert np.ptp(sideways) == pytest.approx(2 * row["pressure_at_apex_95_cm"], rel=0.4)
+
+
+# -- the sources of a silicone ------------------------------------------------------------------------------------------
+
+ECOFLEX = "ecoflex-00-30"
+SHADOW = sm.HollowDisk.variant("shadow", section="axisymmetric", support="base")
+
+
+@pytest.fixture(scope="module")
+def spanned():
+    return sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20,31 cm", band=ECOFLEX)
+
+
+def test_a_silicones_band_has_a_path_for_each_source(spanned):
+    names = [f"{ECOFLEX}/marechal-2021", f"{ECOFLEX}/sorotoki", ECOFLEX, f"{ECOFLEX}/smooth-on"]
+    assert list(spanned.sources) == names
+    for name in names:
+        alone = sm.inflate(SHADOW, sm.silicone(name), "0,20,31 cm")
+        assert [row["apex_mm"] for row in spanned.sources[name]] == pytest.approx(
+            [row["apex_mm"] for row in alone.rows], rel=1e-9
+        )
+    plain = sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20,31 cm")
+    assert [row.cells for row in plain.rows] == [row.cells for row in spanned.rows] and not plain.sources
+
+
+def test_what_the_sources_span_is_told_and_drawn(spanned):
+    """At the last pressure that all of them reach; the softest ends at its limit point before the others."""
+    (note,) = [note for note in spanned.notes if note.startswith(f"over the 4 sources of {ECOFLEX}")]
+    rises = [next(row["apex_mm"] for row in rows if row["pressure_cm"] == 20.0) for rows in spanned.sources.values()]
+    assert f"at 20 cm the apex rises {min(rises):.4g} mm (smooth-on) to {max(rises):.4g} mm (marechal-2021)" in note
+    (limit,) = [row for row in spanned.sources[f"{ECOFLEX}/marechal-2021"] if row["limit"]]
+    assert f"the limit point lies at {limit['pressure_cm']:.4g} cm (marechal-2021) (none met with" in note
+    axes = spanned.plot().axes[0]
+    labels = axes.get_legend_handles_labels()[1]
+    assert {f"band of the 4 sources of {ECOFLEX}", "marechal-2021", "sorotoki", "smooth-on"} <= set(labels)
+    assert "liao-2021" not in labels  # the run's own path
+    for area, a, b in zip(axes.patches, rises, rises[1:], strict=False):
+        assert area.get_path().contains_point((20.0, (a + b) / 2))
+    assert len(axes.patches) == 3
+
+
+def test_sources_are_kept_in_a_folder(spanned, tmp_path):
+    spanned.save(tmp_path / "run")
+    again = sm.load(tmp_path / "run")
+    assert again.case == spanned.case and again.notes == spanned.notes
+    assert {name: [row.cells for row in rows] for name, rows in again.sources.items()} == {
+        name: [row.cells for row in rows] for name, rows in spanned.sources.items()
+    }
+    solved = sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20 cm", band=ECOFLEX, folder=tmp_path / "solved")
+    assert list(solved.sources) == list(spanned.sources) and (tmp_path / "solved" / "sources.csv").is_file()
+    sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20 cm", folder=tmp_path / "solved")
+    assert not (tmp_path / "solved" / "sources.csv").exists()
+
+
+def test_bands_of_sources_that_cannot_be():
+    case = Case("disk", DISK, sm.silicone(f"{ECOFLEX}/sorotoki"), pressures_cm=(10.0,), band=SourceBand(ECOFLEX))
+    assert Case.from_toml(case.to_toml()) == case and "silicone" in case.to_toml()
+    with pytest.raises(CaseError, match="the case's material is none of them"):
+        dataclasses.replace(case, material=law())
+    with pytest.raises(sm.MaterialError, match="mold-star-20t has one source here"):
+        band_of("mold-star-20t")
+    assert band_of(f"{ECOFLEX}/liao-2021") == SourceBand(ECOFLEX)

@@ -9,8 +9,9 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.case.case import Case, CaseError
+from softmodels.case.material_table import material_from
 from softmodels.case.ranges import series
-from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.laws import Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.materials.silicones import SILICONES
 
 # Numbers that no short text holds: a round trip must not cost them a bit.
@@ -51,9 +52,25 @@ def test_a_silicone_by_name_is_its_law(name):
     assert case.material == SILICONES[name].material
     softer = Case.from_toml(f'{SMALL}[material]\nsilicone = "{name}"\npoisson = 0.49\n').material
     assert softer == dataclasses.replace(SILICONES[name].material, poisson=0.49)
-    if isinstance(SILICONES[name].material, Yeoh):
-        stiffer = Case.from_toml(f'{SMALL}[material]\nsilicone = "{name}"\nc1 = "20 kPa"\n').material
-        assert stiffer == dataclasses.replace(SILICONES[name].material, c1=20e3)
+
+
+@pytest.mark.parametrize(
+    ("beside", "named"),
+    [
+        ('law = "neo-hookean"\nshear_modulus = "20 kPa"', "law and shear_modulus"),
+        ('law = "yeoh"\nc1 = "20 kPa"', "law and c1"),
+        ('c1 = "20 kPa"', "c1"),
+        ('poisson = 0.49\nlaw = "yeoh"', "law"),
+    ],
+)
+def test_a_silicone_beside_a_law_is_no_mixture_of_both(beside, named):
+    with pytest.raises(CaseError, match=f"delete {named} for the silicone, or delete silicone for a law of your own"):
+        Case.from_toml(f'{SMALL}[material]\nsilicone = "ecoflex-00-30"\n{beside}\n')
+    values = {line.split(" = ")[0]: line.split(" = ")[1].strip('"') for line in beside.splitlines()}
+    if "law" not in values:
+        with pytest.raises(MaterialError, match="leave out c1, or name a law in place of the silicone"):
+            material_from("ecoflex-00-30", values)
+    assert material_from("ecoflex-00-30", {"poisson": "0.49"}).poisson == 0.49
 
 
 def test_what_a_case_file_leaves_out_has_its_default():

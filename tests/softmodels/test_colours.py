@@ -91,7 +91,7 @@ def test_a_cut_has_no_seam_where_images_of_the_slice_meet(half_slab):
     """The shell behind the cut is one surface: points on the mirror plane are there once."""
     states = States(half_slab, "slab")
     plane = (np.array([0.0, 0.0, 1.0]), np.zeros(3))
-    shell = cut_open(states, 0, plane, plane[0], Scale(states.field(1, "von_mises_stress")))[0][0]
+    shell = cut_open(states, 0, plane, plane[0], Scale(states.field(1, "von_mises")))[0][0]
     middle = shell.points[np.abs(shell.points[:, 1]) < 1e-7]
     assert len(middle) > 10
     apart = np.linalg.norm(middle[:, None] - middle[None], axis=2) + np.eye(len(middle))

@@ -1,19 +1,27 @@
-"""Walls that meet are seen, and those with silicone between them are not taken for such."""
+"""Walls that meet press on each other by default, and where they overlap it is seen; silicone between them is no gap."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 import pytest
 import scipy
 
-from geometries import HollowDisk
-from softmodels.materials.laws import NeoHookean
+import softmodels as sm
+from geometries import Bellows, BendingBellows, HollowDisk, PneuNet
+from softmodels.case.case import Case
+from softmodels.case.parts_entry import without_walls
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.system import System
-from softmodels.mechanics.walls.part import Walls as Pressing
-from softmodels.results.fields import Fields
+from softmodels.mechanics.walls.part import WallTerm
+from softmodels.pictures.style import WARNING, headline, title_colour
+from softmodels.results.notes import contact_notes, left_out
 from softmodels.results.self_contact import Walls, _near
+from softmodels.results.state_words import state_words
+
+COARSE = PneuNet(chambers=2, cell_size=0.006)
 
 DISKS = {
     "wedge": HollowDisk(cell_size=0.004, refinement=1.0),
@@ -41,14 +49,30 @@ def sunk(disk, points, share):
 def test_walls_at_rest_and_under_pressure_are_apart(made):
     disk, points, walls = made
     for share in (0.0, -3.0, 0.9):
-        assert walls.met(sunk(disk, points, share)) is None
+        gap = walls.least(sunk(disk, points, share))
+        assert gap is None or (gap.value > 0.0 and gap.share == 0.0 and not gap.overlaps)
 
 
-def test_a_ceiling_that_goes_through_the_floor_is_seen(made):
+@pytest.mark.parametrize("share", [0.8, 0.99, 1.02, 1.1, 1.5, 2.0])
+def test_the_gap_of_a_ceiling_over_a_floor_is_exact_on_both_sides_of_zero(made, share):
+    """At the axis both are level, and there the ceiling has come down by the share of the cavity's height."""
     disk, points, walls = made
-    place = walls.met(sunk(disk, points, 1.1))
-    assert place is not None and np.hypot(place[0], place[1]) < 0.5 * disk.cavity_radius
-    assert place[2] == pytest.approx(disk.base, abs=0.2 * disk.cavity_height)
+    gap = walls.least(sunk(disk, points, share), reach=disk.cavity_height)
+    assert gap.value == pytest.approx((1.0 - share) * disk.cavity_height, abs=2e-3 * disk.cavity_height)
+    assert gap.overlaps is (share > 1.0)
+    if share > 1.0:
+        assert np.hypot(gap.place[0], gap.place[1]) < 0.1 * disk.cavity_radius
+
+
+def test_a_gap_knows_its_derivative(made):
+    disk, points, walls = made
+    rng = np.random.default_rng(7)
+    u, way = sunk(disk, points, 1.2), rng.standard_normal(points.shape) * ([1.0, 0.0, 1.0] if walls.flat else 1.0)
+    step = 1e-7 * disk.cavity_height
+    gap, before, after = (walls.least(u + t * way) for t in (0.0, -step, step))
+    assert np.array_equal(before.nodes, after.nodes)
+    slope = np.einsum("ki,ki->", gap.rates, way[gap.nodes])
+    assert (after.value - before.value) / (2 * step) == pytest.approx(slope, rel=1e-5)
 
 
 def test_a_thin_wall_does_not_face_itself(made):
@@ -56,38 +80,36 @@ def test_a_thin_wall_does_not_face_itself(made):
     disk, points, walls = made
     top = disk.base + disk.cavity_height
     squeezed = np.where(points[:, 2] > top, -0.99 * (points[:, 2] - top), 0.0)
-    assert walls.met(np.outer(squeezed, [0.0, 0.0, 1.0])) is None
+    assert walls.gaps(np.outer(squeezed, [0.0, 0.0, 1.0])).share == 0.0
 
 
-@pytest.mark.parametrize("made", ["wedge"], indirect=True)
-def test_a_wall_that_goes_through_its_mirror_plane_is_seen(made):
+def test_a_wall_that_goes_through_its_mirror_plane_is_seen(drawings, tmp_path):
+    """The side of a chamber, bulged towards the plane that cuts the finger in two."""
+    finger = PneuNet(chambers=2, gap=0.0)
+    points, cells, name = drawings.grid_of(finger, tmp_path)
+    walls = Walls(points, cells, name, [plane.normal for plane in finger.cut_planes])
+    half, low = finger.chamber_width / 2, finger.base / 2 + finger.channel_height
+    x = (points[:, 0] - finger.root) / finger.chamber_length
+    z = (points[:, 2] - low) / (finger.base / 2 + finger.chamber_height - low)
+    bulge = np.where(np.abs(points[:, 1] - half) < 1e-9, x * (1 - x) * z * (1 - z) * 16, 0.0)
+    bulge[(x < 0) | (x > 1) | (z < 0) | (z > 1)] = 0.0
+    assert not walls.least(np.outer(-0.7 * half * bulge, [0.0, 1.0, 0.0])).overlaps
+    shift = -1.5 * half * bulge
+    gap = walls.least(np.outer(shift, [0.0, 1.0, 0.0]))
+    assert gap.overlaps and gap.value == pytest.approx(2 * (half + shift.min()), rel=0.02)
+    assert gap.rates[:, 1].sum() == pytest.approx(2.0)
+
+
+def test_thickness_is_that_of_the_wall(made):
     disk, points, walls = made
-    for plane in disk.cut_planes:
-        distance = -(points @ plane.normal)
-        shift = np.where(distance > 1e-9, 0.1 * disk.outer_radius, 0.0)  # what lies on the plane stays on it
-        place = walls.met(np.outer(shift, plane.normal))
-        assert place is not None and 0.0 < place @ plane.normal < 0.1 * disk.outer_radius
-        assert walls.met(np.outer(np.minimum(shift, 0.9 * distance), plane.normal)) is None
-
-
-def test_walls_that_press_on_each_other_are_left_out(made, drawings, tmp_path):
-    """Of two that meet, both have to be in one set; what is named alone, or in another set, passes through."""
-    disk, points, walls = made
-    middles = walls.rest[0]
-    ceiling = middles[:, 2] > disk.base + 0.5 * disk.cavity_height
-    points, cells, name = drawings.grid_of(disk, tmp_path)
-    planes = [plane.normal for plane in disk.cut_planes]
-    for sets, met in (([middles], False), ([middles[ceiling]], True), ([middles[ceiling], middles[~ceiling]], True)):
-        named = Walls(points, cells, name, planes, sets)
-        assert named.resisted.sum() == sum(map(len, sets))
-        assert (named.met(sunk(disk, points, 1.1)) is not None) is met
-
-
-def test_a_run_knows_which_walls_press(comm, tmp_path):
-    disk = DISKS["section"]
-    body = Body.from_file(disk, disk.write(tmp_path / "disk.msh"), comm)
-    walls = Fields(Solver(System(body, NeoHookean(30e3, 0.49), parts=[Pressing("cavity")]))).walls
-    assert walls.resisted.shape[0] == 1 and walls.resisted.sum() == len(body.entities["cavity"][1])
+    middles = points[walls.facets].mean(axis=1)
+    inside = np.hypot(middles[:, 0], middles[:, 1]) < 0.5 * disk.cavity_radius
+    ceiling = inside & (np.abs(middles[:, 2] - disk.base - disk.cavity_height) < 1e-9)
+    floor = inside & (np.abs(middles[:, 2] - disk.base) < 1e-9)
+    assert ceiling.any() and floor.any()
+    assert walls.thickness[ceiling] == pytest.approx(disk.membrane) and walls.thickness[floor] == pytest.approx(
+        disk.base
+    )
 
 
 @pytest.mark.parametrize("count", [2, 300, 4000])
@@ -104,3 +126,84 @@ def test_near_pairs_are_those_of_a_tree(count, flat):
 
 def test_a_single_facet_is_near_none():
     assert not any(len(side) for side in _near(np.zeros((1, 3)), 0.1))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Foreign(PneuNet):
+    """A finger whose faces say nothing of which may meet, as those of a part from a file."""
+
+    meeting = None
+
+
+@pytest.mark.parametrize("device", [COARSE, BendingBellows(), Bellows()], ids=lambda device: type(device).__name__)
+def test_walls_press_by_default_and_a_stored_case_repeats_it(device):
+    case = Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,), parts=(sm.Gravity("-z"),))
+    walls = [part for part in case.parts if isinstance(part, sm.Walls)]
+    assert walls == [sm.Walls()] and walls[0].automatic
+    text = case.to_toml()
+    assert 'faces = "auto"' in text and Case.from_toml(text) == case
+    assert sm.Walls("none") in Case.from_toml(text.replace('faces = "auto"', 'faces = "none"')).parts
+    off = dataclasses.replace(case, parts=(sm.Walls("none"),))
+    assert off.parts == (sm.Walls("none"),) and Case.from_toml(off.to_toml()) == off
+    assert [part.off for part in without_walls(walls)] == [True]
+    assert "press on each other" in left_out(case) and "walls that meet pass through" in left_out(off)
+
+
+@pytest.mark.parametrize("device", [HollowDisk(), PneuNet(gap=0.0, wall=0.002)], ids=["disk", "ribs"])
+def test_devices_whose_walls_never_meet_have_none(device):
+    assert Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,)).parts == ()
+
+
+@pytest.mark.parametrize("faces", ["", "none, chamber_walls", "auto, top", "chamber_walls, chamber_walls"])
+def test_faces_that_cannot_be_meant_are_refused(faces):
+    with pytest.raises(PartError):
+        sm.Walls(faces)
+
+
+def test_a_foreign_part_finds_the_walls_that_face_each_other(comm, tmp_path):
+    """Those of a finger's gaps; a design's model, or one with walls off, has no such term."""
+    foreign = Foreign(**{field.name: getattr(COARSE, field.name) for field in dataclasses.fields(COARSE)})
+    file = COARSE.write(tmp_path / "finger.msh")
+    terms = []
+    for device, walls in ((COARSE, sm.Walls()), (foreign, sm.Walls()), (foreign, sm.Walls("none"))):
+        system = System(Body.from_file(device, file, comm), sm.NeoHookean(30e3, 0.49), parts=[walls])
+        terms.append(system.potential.terms["walls"])
+    named, found, off = terms
+    assert isinstance(named, WallTerm) and not isinstance(off, WallTerm) and not off.energies
+    middles = [term.nodes.places[term.nodes.facets].mean(axis=1) for term in (named, found)]
+    assert sorted(map(tuple, np.round(middles[0], 9))) == sorted(map(tuple, np.round(middles[1], 9)))
+
+
+@pytest.fixture(scope="module")
+def fingers():
+    """Both ways to 3 cm: as by default, and passing through."""
+    return [sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3 cm", parts=parts) for parts in ([], [sm.Walls("none")])]
+
+
+def test_chambers_do_not_pass_through_each_other_by_default(fingers):
+    pressed, passing = (run.path for run in fingers)
+    assert not pressed["walls_touch"].any() and pressed["walls_contact_N"][-1] > 0.0
+    assert pressed["least_gap_mm"].min() > -0.01 * COARSE.wall * 1e3
+    assert passing["walls_touch"][-1] == 1 and passing["least_gap_mm"][-1] < -0.05
+    assert pressed["bend_angle_deg"][-1] > 1.05 * passing["bend_angle_deg"][-1]
+
+
+def test_states_whose_walls_overlap_are_marked_on_pictures_and_in_notes(fingers):
+    pressed, passing = (run._source for run in fingers)
+    words = state_words(passing.case)
+    title = headline(passing.rows[-1], words)
+    assert "WALLS OVERLAP by" in title and title_colour(title) == WARNING
+    assert title_colour(headline(pressed.rows[-1], words)) != WARNING
+    (note,) = contact_notes(passing.case, passing.rows)
+    assert "WALLS OVERLAP" in note and "--walls auto" in note
+    assert contact_notes(pressed.case, pressed.rows) == []
+
+
+def test_a_state_between_two_is_judged_as_their_rows_are(fingers):
+    """Walls that overlap at two states overlap between them, and by an amount between."""
+    run = sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3,5 cm", parts=[sm.Walls("none")])
+    high, low = (row["least_gap_mm"] for row in run.rows[1:] if row["requested"])
+    between = run.at("4 cm").row
+    assert between["walls_touch"] == 1 and low < between["least_gap_mm"] < high < 0.0
+    assert run.at("5 cm").row["least_gap_mm"] == low
+    assert high == pytest.approx(fingers[1].path["least_gap_mm"][-1], rel=1e-3)

@@ -7,6 +7,7 @@ import re
 import pytest
 from click.testing import CliRunner
 
+import softmodels as sm
 from geometries import HollowDisk
 from geometries.errors import GeometryError
 from geometries.selections import faces, point
@@ -19,6 +20,8 @@ from softmodels.disk import command as disk
 from softmodels.fitting.outlines.heights import read_heights
 from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.results.limits import Tolerance
+from softmodels.results.notes import typed_notes
+from softmodels.runs.requests import case_of
 from softmodels.seminar import command as seminar
 
 LOAD = "--pressure-cm=0:10"
@@ -104,6 +107,26 @@ def test_case_files(change, words):
     whole = {"membrane": "6 mm", "load": "pressure_cm = 20", "more": "", **change}
     with pytest.raises(CaseError, match=re.escape(words)):
         Case.from_toml(CASE.format(**whole))
+
+
+@pytest.mark.parametrize("text", ["2,8", "0,5", "1,25", "20,40", " 2,8 "])
+def test_two_short_numbers_are_told_of(text):
+    first, second = text.strip().split(",")
+    words = f"read as two values, {first} and {second}; decimals have a point, so write {first}.{second}"
+    for case in (
+        Case.from_toml(CASE.format(membrane="6 mm", load=f'pressure_cm = "{text}"', more="")),
+        Case.from_toml(CASE.format(membrane="6 mm", load=f'volume_ml = "{text}"', more="")),
+        case_of(HollowDisk(), sm.NeoHookean(30e3), f"{text} kPa"),
+    ):
+        (note,) = typed_notes(case)
+        assert words in note and f"{first}:{second} for both" in note
+    both = Case.from_toml(CASE.format(membrane="6 mm", load=f'pressure_cm = "{first}:{second}"', more=""))
+    assert both.pressures_cm == (float(first), float(second))
+
+
+@pytest.mark.parametrize("load", ['"2, 8"', '"2:8"', '"0,40"', '"2,8,9"', '"2,800"', '"2.0,8.0"', "[2, 8]"])
+def test_nothing_is_said_of_series_that_are_no_decimals(load):
+    assert not typed_notes(Case.from_toml(CASE.format(membrane="6 mm", load=f"pressure_cm = {load}", more="")))
 
 
 def test_texts_that_pick_faces_and_points():

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ import pytest
 
 import softmodels as sm
 from measurement.units import pascal_per_cm
+from softmodels.design.squares import Squares
+from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.step import PathEnded
 
@@ -74,7 +77,7 @@ def test_the_example(monkeypatch, tmp_path, capfd):
     figure = run.plot()
     run.save("results/disk")
     again = sm.load("results/disk")
-    limit = sm.limit(disk, sm.silicone("ecoflex-00-30"))
+    limit = sm.limit(disk, sm.silicone("ecoflex-00-30/marechal-2021"))
 
     assert run.pressure[-1] == pytest.approx(177 * CM, rel=1e-12)
     assert (np.diff(run.apex) > 0).all()
@@ -168,7 +171,8 @@ def test_volumes_and_strokes():
         ({"pressures": "0:60 ml"}, "unknown unit"),
         ({"pressures": "cm"}, "not numbers"),
         ({"pressures": [500.0, 300.0]}, "falls from"),
-        ({"pressures": ["a"]}, "neither numbers nor a text"),
+        ({"pressures": ["a"]}, "unknown unit, 'a'"),
+        ({"pressures": [None]}, "neither numbers nor a text"),
         ({"volumes": "0:60 cm"}, "unknown unit"),
         ({}, "request either pressures"),
         ({"pressures": "0:10 cm", "volumes": "0:1 ml"}, "request either pressures"),
@@ -216,8 +220,80 @@ def test_states_between_the_steps_are_solved_for(ballooned):
     straight = sm.inflate(BALLOONS, sm.NeoHookean(20e3), pressures=[state.pressure])
     assert np.allclose(state.displacement, straight.last.displacement, rtol=0, atol=1e-12)
     grid = state.grid
-    assert np.array_equal(grid.point_data["von_mises_stress"], state.von_mises)
+    assert {"displacement", "p", "von_mises", "largest_stretch", "J"} <= set(grid.point_data)
+    for name in grid.point_data:  # one name in the grid, in the files and as an attribute
+        assert np.array_equal(grid.point_data[name], getattr(state, name))
     assert grid.warp_by_vector("displacement").bounds[5] > grid.bounds[5]
+
+
+def arrays_of(thing, found, seen, depth=0):
+    """All arrays that can be reached from an object by public attributes, with how they are reached."""
+    if depth > 7 or id(thing) in seen:
+        return found
+    seen[id(thing)] = thing  # kept, so that no other object gets its number
+    if isinstance(thing, np.ndarray):
+        return [*found, thing]
+    if isinstance(thing, Mapping):
+        return [array for value in thing.values() for array in arrays_of(value, found, seen, depth + 1)]
+    if isinstance(thing, list | tuple):
+        return [array for value in thing for array in arrays_of(value, found, seen, depth + 1)]
+    if not type(thing).__module__.startswith(("softmodels", "geometries", "measurement")) or isinstance(thing, type):
+        return found
+    for name in dir(thing):
+        if name.startswith("_") or name in ("grid", "problem", "case"):
+            continue
+        value = getattr(thing, name, None)
+        if not callable(value):
+            found = found + arrays_of(value, [], seen, depth + 1)
+    return found
+
+
+def test_the_runs_arrays_are_its_own(ballooned, tmp_path):
+    """What a user does with an array of a run changes neither the run, nor what is solved from it, nor what it saves."""
+    before = ballooned.save(tmp_path / "before")
+    between = 0.4 * ballooned.pressure[4] + 0.6 * ballooned.pressure[5]
+    kept = {name: values.copy() for name, values in ballooned.at(between).fields.items()}
+    for run in (ballooned, sm.load(before)):
+        for state in (*run, run.at(between), run.at(run.pressure[3])):
+            for array in arrays_of(state, [], {}):
+                with pytest.raises(ValueError, match="read-only"):
+                    array *= 1000
+            with pytest.raises(TypeError):
+                state.fields["J"] = 0.0
+            for array in (state.grid.points, *state.grid.point_data.values()):
+                array[...] = 7
+        for column in run.path.values():
+            if column.dtype == float:
+                column *= 1e3
+        for array in arrays_of(run, [], {}):
+            if array.flags.writeable:
+                array[...] = 0
+        run.rows.clear()
+        path = run.path
+        path.clear()
+    after = ballooned.save(tmp_path / "after")
+    for name in ("path.csv", "summary.json", "case.toml"):
+        assert (before / name).read_text() == (after / name).read_text()
+    for one, other in zip(sm.load(before), sm.load(after), strict=True):
+        assert all(np.array_equal(one.fields[name], other.fields[name]) for name in one.fields)
+    assert all(np.array_equal(ballooned.at(between).fields[name], values) for name, values in kept.items())
+    assert ballooned.at(between).grid.points.max() < 1.0
+    again = ballooned.at(0.5 * between + 0.5 * ballooned.pressure[4])
+    assert again.displacement.max() < 0.1
+
+
+def test_arrays_of_fits_are_their_own():
+    stretch = np.linspace(1.05, 2.5, 12)
+    stress = 14e3 * (stretch - stretch**-2)
+    curve = TensileCurve("pull", "uniaxial", stretch, stress)
+    report = sm.fit_curves(curve, "neo-hookean,yeoh", sm.FitOptions(profiles=True))
+    stress *= 1000
+    assert curve.stress[0] == pytest.approx(14e3 * (1.05 - 1.05**-2))
+    found = arrays_of(report, [], {})
+    assert len(found) > 10
+    assert not [array for array in found if array.flags.writeable]
+    followed = Squares.of(np.array([1.0, 2.0]), np.array([[1.0], [0.5]]))
+    assert not followed.triangle.flags.writeable
 
 
 def test_progress_only_where_it_is_asked_for(capfd):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import re
 import shlex
@@ -13,6 +14,7 @@ import click
 import numpy as np
 import pytest
 
+import softmodels as sm
 from geometries import HollowDisk
 from geometries.__main__ import main as geometries
 from measurement.__main__ import main as measurement
@@ -135,6 +137,16 @@ def test_the_cases_are_cases_and_the_part_has_its_cavities(written):
     assert cases["disk"].actuator == HollowDisk(section="axisymmetric")
     volumes = cases["program"].actuator.cavity_volume
     assert volumes == pytest.approx(2 * 10e-3 * 6e-3 * 2e-3, rel=1e-6)
+    finger = cases["mypart"].actuator
+    assert not finger.cavities and finger.cavity_volume == pytest.approx(72e-3 * 9e-3 * 6e-3, rel=0.1)  # rounded
+
+
+def test_the_imported_part_bends(written):
+    """Its gauge is where it moves: on a coarse mesh its tip rises by a tenth of its length."""
+    case = Case.from_file(written.path / "mypart.toml")
+    coarse = dataclasses.replace(case.actuator, cell_size=0.008, curvature=4.0)
+    run = sm.inflate(coarse, case.material, pressures=f"0,20,{case.pressures_cm[-1]} cm")
+    assert run.tip[-1] > 0.008
 
 
 def test_the_tensile_curve_is_of_the_silicone_in_the_photographs(written):
@@ -157,7 +169,14 @@ def test_no_file_of_the_user_is_touched(written, tmp_path):
 
 def test_boards_and_photographs_are_there(written):
     names = {path.relative_to(written.path).as_posix() for path in written.path.rglob("*") if path.is_file()}
-    assert {"photographs/grid.jpg", "photographs/photos.csv", "mypart.step", "README.txt", "truth.txt"} <= names
+    assert {
+        "photographs/grid.jpg",
+        "photographs/photos.csv",
+        "mypart.step",
+        "twopart.step",
+        "README.txt",
+        "truth.txt",
+    } <= names
     assert len([name for name in names if name.startswith("boards/")]) == len(examples.POSES)
     listed = (written.path / "photographs" / "photos.csv").read_text().splitlines()[1:]
     assert len(listed) == 10 and all(f"photographs/{line.split(',')[0]}" in names for line in listed)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import softmodels as sm
 from geometries import HollowDisk
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import GaugeError, Gauges, from_tables, to_tables
@@ -194,3 +195,13 @@ def test_a_point_of_a_section_is_the_apex(runs, tmp_path):
     assert row["top_z_mm"] == pytest.approx(16.0 + row["apex_mm"], abs=1e-9) and row["top_x_mm"] == pytest.approx(
         0.0, abs=1e-9
     )
+
+
+def test_a_point_of_a_device_that_hangs_is_where_it_was_named():
+    """A path under gravity begins with a device that sags: where its points are then is not where they were named."""
+    membrane, gravity = sm.Membrane(thickness=0.002, cell_size=0.004), sm.Gravity("-z", magnitude=98.1)
+    points = Gauges((("apex", "0, 0, 2 mm"), ("beside", "0, 0, 3 mm")))
+    run = sm.inflate(membrane, sm.NeoHookean(30e3), "0:2 cm", parts=[gravity], gauges=points)
+    assert run.path["apex_z_mm"][0] < 1.0  # it hangs
+    (note,) = [note for note in run.notes if "is followed at" in note]
+    assert note == "point beside is followed at the nearest place of the modelled surface, 1 mm away"

@@ -138,7 +138,10 @@ FORCE = '[force.tip]\nface = "top"\ndirection = "-z"\n'
     [
         ('[gravity]\ndensity = "1 g/ml"\n[load]\npressure_cm = 1\n', "gravity needs its direction"),
         ('[gravity]\ndirection = "x"\n[load]\npressure_cm = 1\n', "takes loads along its axis"),
-        ('[mass.a]\nface = "top"\namount = "5 g"\n[load]\npressure_cm = 1\n', "hangs under gravity; say where"),
+        (
+            '[mass.a]\nface = "top"\namount = "5 g"\n[load]\npressure_cm = 1\n',
+            "has a mass, which gravity pulls at; say where",
+        ),
         ('[gravity.down]\ndirection = "-z"\n[load]\npressure_cm = 1\n', "a device has one gravity, without a name"),
         (FORCE + "[load]\nmoment_Nmm = 1\n", r"the device has no \[moment\]"),
         (FORCE + "[load]\nforce_N = 1\ntravel_mm = 1\n", "request one of force_N and travel_mm"),

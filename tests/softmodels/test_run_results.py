@@ -18,7 +18,7 @@ COLUMNS = (
     "step", "pressure_cm", "pressure_Pa", "added_volume_ml", "apex_mm", "max_displacement_mm", "max_stretch",
     "max_von_mises_kPa", "J_min", "J_max", "newton_iterations",
 )  # fmt: skip
-FIELDS = {"displacement": 3, "p": 1, "von_mises_stress": 1, "largest_stretch": 1, "J": 1}
+FIELDS = {"displacement": 3, "p": 1, "von_mises": 1, "largest_stretch": 1, "J": 1}
 READ = """
 import json, sys
 import pyvista
@@ -34,7 +34,7 @@ for time in map(float, sys.argv[2:]):
         "types": sorted(set(map(int, grid.celltypes))), "bounds": list(grid.bounds),
         "fields": {name: list(grid.point_data[name].shape) for name in grid.point_data},
         "top": [list(map(float, grid.points[top])), list(map(float, grid.point_data["displacement"][top]))],
-        "stress": float(grid.point_data["von_mises_stress"].max()),
+        "stress": float(grid.point_data["von_mises"].max()),
     })
 print(json.dumps(found))
 """

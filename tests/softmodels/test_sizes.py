@@ -12,12 +12,16 @@ import softmodels
 
 FUNCTION_LINES, PARAMETERS, ENTRIES = 60, 7, 15
 """Most lines of a function, most parameters, and most entries directly in ``softmodels/``."""
-MOST_ANY = 28
+MOST_ANY = 31
 """Most times that ``softmodels/`` says `Any`, imports included: where a library has no types, or wrong ones."""
 PACKAGES = [Path(package.__file__).parent for package in (softmodels, measurement, geometries)]
 
-LONG_FUNCTIONS: set[str] = set()
-MANY_PARAMETERS: set[str] = set()
+MANY_PARAMETERS: set[str] = {
+    "softmodels/design/optimise.py: optimise", "softmodels/runs/door.py: inflate", "softmodels/runs/moulding.py: mould",
+}  # fmt: skip
+"""Public calls, whose arguments are real ones so that Tab completes them."""
+LONG_FUNCTIONS: set[str] = {"softmodels/runs/door.py: inflate"}
+"""The same: a line and a sentence for each argument."""
 
 
 def _files():

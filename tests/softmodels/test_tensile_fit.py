@@ -5,17 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.fitting.curves.curve import TensileCurve
+from geometries import HollowDisk
+from softmodels.case.case import Case
+from softmodels.case.material_table import material_from
+from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.curve_residuals import largest_strain, residuals_of
+from softmodels.fitting.curves.fit_curves import fit_curves, prepared
 from softmodels.fitting.curves.law_fit import fit_law_to_curves
 from softmodels.fitting.curves.stress_error import StressError
+from softmodels.fitting.files import write_materials
 from softmodels.fitting.identifiability import unseen
 from softmodels.fitting.law_parameters import LawChoice, all_laws
 from softmodels.fitting.least_squares import fit_parameters
+from softmodels.fitting.options import FitOptions
 from softmodels.fitting.problem import Extra, FitError, Parameter, Prior
 from softmodels.fitting.profile import profile
-from softmodels.materials.laws import LAWS
+from softmodels.fitting.score_materials import score
+from softmodels.materials.laws import LAWS, NeoHookean
 from softmodels.materials.specimens import MODE_NAMES, respond
+from softmodels.results.notes import stretch_notes
+from softmodels.results.row import Row
 
 TRUTH = {
     "neo-hookean": {"shear_modulus": 20e3},
@@ -195,3 +204,53 @@ def test_robust_fit_leaves_a_slipping_grip_out():
 def test_unknown_laws(text):
     with pytest.raises(FitError, match=r"known are|at most 4 terms"):
         LawChoice.from_text(text)
+
+
+def test_a_fitted_material_warns_beyond_the_stretch_it_was_fitted_to(tmp_path):
+    """As a named silicone does; by the report, and by the file that goes into a simulation."""
+    (curve,) = curves_of("yeoh", noise=20.0, top=3.0, modes=("uniaxial",))
+    report = fit_curves(curve, "yeoh", FitOptions(profiles=False))
+    assert report.material.fitted_stretch == (curve.stretch[0], 3.0)
+    narrow = fit_curves(curve, "yeoh", FitOptions(profiles=False), stretch=(1.02, 2.0))
+    assert narrow.material.fitted_stretch == (curve.stretch[0], curve.stretch[curve.stretch <= 2.0][-1])
+    write_materials(report, tmp_path)
+    read = material_from(str(tmp_path / "fitted.toml"), {})
+    assert read.fitted_stretch == pytest.approx(report.material.fitted_stretch, rel=1e-12)
+    for material in (report.material, read, Case.from_toml(case_of(read).to_toml()).material):
+        (note,) = stretch_notes(case_of(material), [Row({"max_stretch": 1.0}), Row({"max_stretch": 4.18})])
+        assert "the largest stretch, 4.18, lies beyond 3, up to which this yeoh law was fitted" in note
+        assert not stretch_notes(case_of(material), [Row({"max_stretch": 2.9})])
+
+
+def case_of(material):
+    return Case("disk", HollowDisk(), material, pressures_cm=(10.0,))
+
+
+GOOD, FINE = np.linspace(1.0, 3.0, 21), np.linspace(1.02, 3.0, 21)
+WRONG = {
+    "a stretch in percent": (
+        100 * GOOD,
+        25e3 * (GOOD - GOOD**-2),
+        "a stretch of 300 is beyond .* percent, divide them by 100",
+    ),
+    "a strain in percent": (100 * (GOOD - 1), 25e3 * (GOOD - GOOD**-2), "a stretch of 200 is beyond"),
+    "a strain": (GOOD - 1, 25e3 * (GOOD - GOOD**-2), "not above zero; what begins at 0 is a strain"),
+    "a strain from 2 % on": (FINE - 1, 25e3 * (FINE - FINE**-2), "these are strains; add 1 to them"),
+    "stress in MPa": (GOOD, 0.025 * (GOOD - GOOD**-2), "a factor 1000"),
+    "an offset": (GOOD, 25e3 * (GOOD - GOOD**-2 + 1), "take the load cell's offset away"),
+    "unequal": (GOOD, GOOD[1:], "21 values of stretch and 20 of stress"),
+    "nothing": ([], [], "0 points, and 4 are needed"),
+    "a hole": (GOOD, [*GOOD[1:], float("nan")], "finite numbers"),
+    "words": (["a"] * 4, [1.0] * 4, "not a number"),
+    "unsorted": (GOOD[[0, 2, 1, 3, 4, 5]], GOOD[:6] - 1, "does not rise"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+@pytest.mark.parametrize("door", [fit_curves, prepared, lambda curve: score(NeoHookean(25e3, 0.5), curve)])
+def test_every_door_refuses_what_the_command_refuses(door, what):
+    """A stretch in percent was fitted with 451 Pa for 25 kPa, sound."""
+    stretch, stress, words = WRONG[what]
+    with pytest.raises(TensileError, match=words):
+        door(TensileCurve("pull", "uniaxial", stretch, stress))
+    assert prepared(TensileCurve("pull", "uniaxial", list(GOOD), list(25e3 * (GOOD - GOOD**-2))))

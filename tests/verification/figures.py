@@ -180,14 +180,14 @@ def design(comm) -> list[float]:
     from softmodels.design.loads import Load
     from softmodels.design.model import DesignModel
     from softmodels.design.quantities.limits import LimitMargin
-    from softmodels.design.quantities.peaks import MaxStretch
+    from softmodels.design.quantities.peaks import PeakStretch
     from softmodels.design.quantities.places import Rise
     from softmodels.design.quantities.volumes import AddedVolume, Mass
     from softmodels.materials.laws import NeoHookean
 
     quantities = (
         Rise(at=2000.0),
-        MaxStretch(at=2000.0),
+        PeakStretch(at=2000.0),
         AddedVolume(at=2000.0),
         Rise(at=Load("volume", 40e-6)),
         LimitMargin(),

@@ -10,6 +10,7 @@ from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.controls import volume_control
+from softmodels.mechanics.loads import Gravity
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.sensitivity import Sensitivity
@@ -30,7 +31,9 @@ def figures(comm, device: HollowDisk, mesh: Path) -> list[float]:
         on_root(comm, lambda: stl_files.write_stl(file, *stl_files.ball(0.01)))
         at = (0.0, 0.0, device.height + 0.011)
         ball = RigidShape("stl", "top", at, file=str(file), guide="z", spring=20.0, mass=0.001, name="ball")
-        solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.49), parts=[ball]))
+        solver = Solver(
+            System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.49), parts=[ball, Gravity("-z", density=0.0)])
+        )
         comm.barrier()
     system = solver.system
     state = rest = system.rest()

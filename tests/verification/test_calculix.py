@@ -26,7 +26,8 @@ BALL = sm.RigidShape("sphere", "outer", (0.0065, 0.01402, 0.010), 0.006, guide="
 
 def solved(folder, name, pressure, device=FINGER, **more):
     """The case's last row by softmodels; by CalculiX displacements in mm of the nodes that the deck names, at its last step."""
-    case = sm.Case(name, device, LAW, pressures_cm=(pressure,), formulation="displacement", **more)
+    parts = (*more.pop("parts", ()), sm.Walls("none"))  # a deck has no contact of walls
+    case = sm.Case(name, device, LAW, pressures_cm=(pressure,), formulation="displacement", parts=parts, **more)
     deck = sm.export(case, folder / "deck.inp")
     subprocess.run(["ccx", "deck"], cwd=folder, capture_output=True, check=True, timeout=600)
     *_, last = (folder / "deck.dat").read_text().split("displacements")

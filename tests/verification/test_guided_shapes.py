@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.case.case import Case, CaseError
+from softmodels.case.load_request import LoadRequest
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.parts import PartError
@@ -24,6 +26,8 @@ BALANCE = "the balance of a shape that gives way"
 LAW = NeoHookean(30e3, 0.49)
 SECTION = sm.HollowDisk(section="axisymmetric")
 BALL = RigidShape("sphere", "top", (0.0, 0.0, 0.0265), 0.010, guide="z", spring=50.0, name="ball")
+WEIGHTLESS = sm.Gravity("-z", density=0.0)
+"""Gravity that pulls at the shapes alone."""
 NUMBERS = (np.zeros(3), np.array([0.0, 0.6, 0.8]), 1.0, 0.3, 1.0)
 
 
@@ -54,7 +58,9 @@ def test_distances_and_their_slopes():
     assert section[1].shape == (40, 2) and section[2].shape == (40, 2, 2)
 
 
-@pytest.mark.parametrize("stand", [Stand(0.5, 0.0, 1e-2), Stand(0.0, 0.02, 1e-2), Stand(0.3, 0.02, 1e-2)])
+@pytest.mark.parametrize(
+    "stand", [Stand(0.5, 0.0, 1e-2), Stand(0.0, 0.02, 1e-2), Stand(0.3, 0.02, 1e-2), Stand(0.5, -2e-3, 1e-2)]
+)
 def test_forces_and_stiffness_are_derivatives(stand):
     rng = np.random.default_rng(3)
     surface = _patch(0.01 * rng.normal(size=(9, 3)))
@@ -101,9 +107,37 @@ def test_force_is_that_of_the_spring_and_of_the_weight(figure):
     figure(BALANCE, "spring", 50e-3 * path["ball_way_mm"][-2:] / path["ball_force_z_N"][-2:] - 1, 1e-8)
     assert path["ball_way_mm"][0] == 0.0 and path["ball_force_z_N"][0] == 0.0
     lifted = dataclasses.replace(BALL, spring=0.0, mass=0.02)
-    path = sm.inflate(SECTION, LAW, "0,20,90 cm", parts=[lifted]).path
+    path = sm.inflate(SECTION, LAW, "0,20,90 cm", parts=[lifted, WEIGHTLESS]).path
     figure(BALANCE, "weight that is lifted", path["ball_force_z_N"][-1] / (0.02 * 9.81) - 1, 1e-8)
     assert path["ball_way_mm"][-1] > 0.4 and path["ball_force_z_N"][1] < 0.02 * 9.81
+
+
+def test_a_mass_weighs_by_the_gravity_of_its_case(figure):
+    """On the Moon a sixth; where gravity pulls it off its stand, the spring holds it and the device pushes from there."""
+    section = sm.HollowDisk(section="axisymmetric", cell_size=0.003)
+    lifted = dataclasses.replace(BALL, spring=0.0, mass=0.1)
+    moon = sm.inflate(section, LAW, "0,60 cm", parts=[lifted, sm.Gravity("-z", 0.0, 1.62)]).path
+    figure(BALANCE, "weight that is lifted on the Moon", moon["ball_force_z_N"][-1] / (0.1 * 1.62) - 1, 1e-8)
+    hanging = dataclasses.replace(BALL, mass=0.001)
+    path = sm.inflate(section, LAW, "0,60 cm", parts=[hanging, sm.Gravity("z", density=0.0)]).path
+    assert path["ball_way_mm"][0] == pytest.approx(1e3 * 0.001 * 9.81 / 50.0, rel=1e-9)
+    pushed = 50e-3 * path["ball_way_mm"][-1] - 0.001 * 9.81
+    figure(BALANCE, "spring that bears a weight", path["ball_force_z_N"][-1] / pushed - 1, 1e-8)
+
+
+MASSES = (
+    ((), r"\[contact.ball\] has a mass, which gravity pulls at; say where"),
+    ((sm.Gravity("z"),), r"gravity along \(0, 0, 9.81\) m/s\^2 does not pull the mass against its guide, z"),
+)
+
+
+@pytest.mark.parametrize(("gravity", "said"), MASSES)
+def test_masses_that_nothing_holds_are_refused(gravity, said):
+    lifted = dataclasses.replace(BALL, spring=0.0, mass=0.02)
+    with pytest.raises(CaseError, match=said):
+        Case("ball", SECTION, LAW, pressures_cm=(40.0,), parts=(lifted, *gravity))
+    with pytest.raises(CaseError, match="weighs by the whole of gravity, and shares of the weight are requested"):
+        Case("ball", SECTION, LAW, driven=LoadRequest("share", (1.0,)), parts=(lifted, sm.Gravity("-z")))
 
 
 def test_a_wedge_lifts_as_its_section_does(figure):
@@ -121,7 +155,7 @@ def test_energy_and_the_material_rate(body_of, figure):
     ball = dataclasses.replace(BALL, mass=0.001)
 
     def states(law, volumes):
-        solver = Solver(System(body_of(SECTION), law, parts=[ball]))
+        solver = Solver(System(body_of(SECTION), law, parts=[ball, WEIGHTLESS]))
         state, found = solver.system.rest(), []
         for volume in volumes:
             state = solver.solve(volume_control(volume * V0), state.w, state.P)

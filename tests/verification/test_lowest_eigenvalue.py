@@ -10,9 +10,12 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 
-from geometries import HollowDisk, SeminarActuator
+from geometries import HollowDisk, PneuNet, SeminarActuator
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.mechanics.walls.part import Walls
 from softmodels.path import stability
 from softmodels.path.lanczos import lowest
 
@@ -107,6 +110,21 @@ def test_thin_walls_whose_tangent_is_not_factorised(equilibrium, solved, monkeyp
         equations.factorise(point.state)
         errors.append(point.signature.lowest / watched.lowest() - 1)
     figure("lowest eigenvalue where the tangent is factorised", "of a slab where it is not", errors, 3e-5)
+
+
+def test_where_walls_press_on_each_other_it_is_exact(body_of, solved, monkeypatch, figure):
+    """Which places press changes from state to state, so that a kept factorisation is of another device."""
+    monkeypatch.setattr(stability, "ALWAYS", 0)
+    finger = PneuNet(chambers=2, cell_size=0.006)
+    equations = Solver(System(body_of(finger), NeoHookean(16e3, 0.49), parts=[Walls()]))
+    _, points, _ = solved(equations, [0.0125, 0.025, 0.0625])
+    pressed = [point for point in points if equations.system.assembled.touches(point.state.w)]
+    assert len(pressed) >= 3
+    watched, errors = stability.Stability.of(equations), []
+    for point in pressed:
+        equations.factorise(point.state)
+        errors.append(point.signature.lowest / watched.lowest() - 1)
+    figure("lowest eigenvalue where the tangent is factorised", "of a finger whose walls press", errors, 1e-9)
 
 
 def test_it_does_not_depend_on_the_way_there(ballooned):

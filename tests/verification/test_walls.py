@@ -259,7 +259,7 @@ def test_a_case_keeps_its_walls_and_refuses_what_makes_none(body_of):
     )
     assert Case.from_toml(case.to_toml()) == case
     for faces, stiffness, words in (
-        ("", 300.0, "needs the faces"),
+        ("", 300.0, "names no faces"),
         ("top, top", 300.0, "twice"),
         ("top", 0.0, "shear moduli per size"),
         ("top", math.nan, "stiffness"),

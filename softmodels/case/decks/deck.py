@@ -30,6 +30,7 @@ from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.rigid_motion import Freedom
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.system import System
+from softmodels.mechanics.walls.part import Walls
 from softmodels.path.program import begins_at_rest
 
 Array = npt.NDArray[np.float64]
@@ -116,6 +117,13 @@ class Deck:
         return found
 
     @property
+    def overlapping(self) -> str:
+        """That walls of the device pass through each other in the deck, a sentence; empty where none meet."""
+        if not any(isinstance(part, Walls) and not part.off for part in self.case.parts):
+            return ""
+        return "walls that meet press on each other in a run and pass through each other here: it has no such contact"
+
+    @property
     def remarks(self) -> list[str]:
         """What a reader has to know of the deck, sentences."""
         case, names = self.case, ", ".join(self.mesh.faces)
@@ -127,6 +135,7 @@ class Deck:
         if self.forces is not None:
             found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
         found += [f"{one.label}, {one.what}, from node {ground + 1}" for one, ground in self.grounds]
+        found += [self.overlapping] if self.overlapping else []
         return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
 
 
@@ -196,7 +205,8 @@ def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
 
 def acting(case: Case) -> list[str]:
     """Dead loads by the names of their tables, without those whose amount would be a request's."""
-    loads = [part for part in case.parts if isinstance(part, LOADS)]
+    idle = [part for part in case.parts if isinstance(part, LoadPart) and part.idle(case.parts)]
+    loads = [part for part in case.parts if isinstance(part, LOADS) and part not in idle]
     return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
 
 
@@ -236,5 +246,7 @@ def _unknown(case: Case) -> Iterator[str]:
                 yield f"{part.where} with friction"
         elif isinstance(part, Fabric) and not threaded(part):
             yield f"{part.where} whose yarns contract each other or resist shear"
+        elif isinstance(part, Walls) and (part.automatic or part.off):
+            continue  # see `Deck.overlapping`
         elif not isinstance(part, (Region, Clamp, Rigid, Fibres, Fabric, *LOADS)):
             yield part.where

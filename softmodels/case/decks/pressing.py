@@ -21,7 +21,8 @@ from softmodels.case.decks.supports import Terms
 from softmodels.mechanics import guided_shapes
 from softmodels.mechanics.contact import ONSET, ONSET_PRESSURE, Contact, Obstacle
 from softmodels.mechanics.contact_part import copies_around
-from softmodels.mechanics.loads import STANDARD_GRAVITY
+from softmodels.mechanics.loads import gravity_of
+from softmodels.mechanics.parts import Part
 from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.shape_terms import HARDENS, HARDER
 from softmodels.mechanics.system import System
@@ -68,7 +69,7 @@ class Stop:
     slide: Slide | None = None
 
 
-def pressing(obstacle: Obstacle | None, system: System, mesh: MeshArrays, parts: Sequence[object]) -> list[Springs]:
+def pressing(obstacle: Obstacle | None, system: System, mesh: MeshArrays, parts: Sequence[Part]) -> list[Springs]:
     """The springs of a device's contact.
 
     Args:
@@ -79,7 +80,7 @@ def pressing(obstacle: Obstacle | None, system: System, mesh: MeshArrays, parts:
     """
     size = system.body.actuator.size
     stops = [_plane(obstacle, system.contact)] if obstacle is not None and system.contact is not None else []
-    stops += [_shape(part, system.body.actuator) for part in parts if isinstance(part, RigidShape)]
+    stops += [_shape(part, system.body.actuator, gravity_of(parts)) for part in parts if isinstance(part, RigidShape)]
     return [_springs(stop, mesh, size, system.stress_unit) for stop in stops]
 
 
@@ -91,7 +92,7 @@ def _plane(obstacle: Obstacle, contact: Contact) -> Stop:
     return Stop("the plane", contact.roles, ground, np.outer(normal, normal), 1.0, 1.0, penalty, depths)
 
 
-def _shape(shape: RigidShape, actuator: Actuator) -> Stop:
+def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> Stop:
     size = actuator.size
     at, along, radius, _, sign = shape.numbers(size)
     onset, deepest = ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
@@ -101,14 +102,16 @@ def _shape(shape: RigidShape, actuator: Actuator) -> Stop:
     onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - across
     if radius is None:  # a plane: a spring that touches is one size long
         at, onto, radius = (at @ along - 1.0) * along, across, 1.0
-    slide = _slide(shape, actuator, onto) if shape.guide else None
+    slide = _slide(shape, actuator, onto, gravity) if shape.guide else None
     return Stop(shape.label, shape.roles, at, onto, radius, sign, penalty, depths, slide)
 
 
-def _slide(shape: RigidShape, actuator: Actuator, onto: Array) -> Slide:
+def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -> Slide:
     """What holds a shape that gives way, the slice's share of it."""
     share, size = copies_around(actuator, shape.crossed(actuator)), actuator.size
-    stand = Stand(shape.spring / share, STANDARD_GRAVITY * shape.mass / share, guided_shapes.ONSET * size)
+    stand = Stand(
+        shape.spring / share, guided_shapes.weight_against(shape, gravity) / share, guided_shapes.ONSET * size
+    )
     ways = np.concatenate([[-0.9 * size], np.linspace(0.0, SETTLED * stand.onset, LIFTED + 1), [0.9 * size]])
     forces = np.array([stand.force(float(way)) for way in ways])
     return Slide(shape.gives_way, onto @ shape.gives_way, size, ways, forces)

@@ -14,6 +14,8 @@ from geometries.codec import from_table, to_table
 from geometries.errors import FieldError
 from geometries.table import to_table as device_table
 from measurement.toml_file import TomlError, read_toml
+from measurement.units import brief
+from measurement.wording import known_are
 from softmodels.case.case import Case, CaseError
 from softmodels.design.mould.settings import MouldError, Workshop
 from softmodels.materials.casting import CASTING, Casting, casting_of
@@ -66,7 +68,7 @@ def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, 
     if isinstance(device, Case):
         return _asked(device.actuator, device.name, device, {}, silicone, settings)
     if not isinstance(device, str | Path):
-        raise MouldError(f"a mould is made of a device, a case or a case file, and not of a {type(device).__name__}")
+        raise MouldError(f"a mould is made of a device, a case or a case file, and not of {brief(device)}")
     case, table = _read(Path(device))
     try:
         return _asked(case.actuator, case.name, case, table, silicone, settings)
@@ -88,17 +90,16 @@ def _asked(
     table.pop("silicone", None)
     casting = casting_of(product)
     values: dict[str, Any] = {"shrinkage": casting.shrinkage} if casting and casting.shrinkage else {}
-    texts = {key: value for key, value in given.items() if isinstance(value, str)}
     try:
-        values |= from_table(Workshop, {**table, **texts}, "[mould]")
+        values |= from_table(Workshop, table, "[mould]")
     except FieldError as error:
         raise MouldError(str(error)) from None
     unknown = given.keys() - {field.name for field in dataclasses.fields(Workshop)}
     if unknown:
         raise MouldError(
-            f"{min(unknown)!r} is no setting of a mould; known are {', '.join(sorted(Workshop.__dataclass_fields__))}"
+            f"{min(unknown)!r} is no setting of a mould; {known_are(min(unknown), sorted(Workshop.__dataclass_fields__))}"
         )
-    values |= {key: value for key, value in given.items() if key not in texts}
+    values |= given
     return Asked(device, Workshop(**values), product, name)
 
 
@@ -113,7 +114,7 @@ def _product(name: object, case: Case | None) -> str:
         return product_of(material) if material else ""
     product = product_of(name) if isinstance(name, str) else ""
     if product not in CASTING:
-        raise MouldError(f"silicone {name!r} is unknown; known are {', '.join(CASTING)}")
+        raise MouldError(f"silicone {brief(name)} is unknown; {known_are(name, CASTING)}")
     return product
 
 

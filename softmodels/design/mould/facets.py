@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.errors import MeshingError
+from measurement.read_only import keep_arrays
 from softmodels.design.mould.facet_sizes import set_sizes
 
 Array = npt.NDArray[np.float64]
@@ -46,6 +47,9 @@ class Facets:
     chord: float
     volume: float
     centre: Array
+
+    def __post_init__(self) -> None:
+        keep_arrays(self)
 
     @property
     def corners(self) -> Array:

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from geometries.fields import angle_field, choice_field, length_field, number_field, settle, shown, text_field
+from measurement.arguments import checked
 from measurement.wording import Spoken
 
 STEEPEST = 15.0
@@ -24,6 +25,7 @@ class MouldError(Spoken, ValueError):
     """A mould that cannot be made as asked; the message is a sentence for the user."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Workshop:
     """What a mould is made with. Lengths are in m, angles in degrees.

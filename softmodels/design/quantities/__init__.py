@@ -1,6 +1,6 @@
 """What designs are judged by, one idea a file; `QUANTITIES` has them by name."""
 
-from softmodels.design.quantities import composite, forces, geometric, limits, outline, peaks, places, volumes
+from softmodels.design.quantities import composite, forces, gaps, geometric, limits, outline, peaks, places, volumes
 from softmodels.design.quantities.base import QUANTITIES, Quantity, quantity
 
 __all__ = [
@@ -8,6 +8,7 @@ __all__ = [
     "Quantity",
     "composite",
     "forces",
+    "gaps",
     "geometric",
     "limits",
     "outline",

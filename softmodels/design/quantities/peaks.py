@@ -1,8 +1,6 @@
-"""Largest stretch and largest von Mises stress, as smooth functions of the design.
-
-The largest of many values has no derivative where two of them are equal. The mean of their p-th powers has, and its p-th root
-lies below the largest; the factor between them, taken where the mesh was made, brings it there (Le, Norato, Bruns, Ha,
-Tortorelli 2010, doi 10.1007/s00158-009-0440-y). How far it is off at another design is stated with each value.
+"""Peak stretch and peak von Mises stress of a design, as `softmodels.results.peak` has them: means over the 0.5 % of the volume
+where they are largest. The largest value at a point has no limit as a mesh with a sharp corner is refined, so a search that
+keeps it on one mesh misses it on the next; and it has no derivative where two points are equal.
 """
 
 from __future__ import annotations
@@ -13,10 +11,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.design.quantities.base import Measure, Quantity, Slopes, quantity
+from softmodels.design.quantities.base import QUANTITIES, Measure, Quantity, Slopes, quantity
 from softmodels.design.quantities.forms import FormMeasure
 from softmodels.materials.strain import Strain, eigenvalues
 from softmodels.mechanics.mpi import largest
+from softmodels.results.peak import ROUNDED, SHARE, volume_peak
 from softmodels.results.stresses import principal_stretches, shape_stresses, von_mises
 
 if TYPE_CHECKING:
@@ -27,100 +26,124 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-POWER = 16
-"""p, even: the p/2-th power of the squares, which are smooth where the values vanish."""
-WORTH_A_NOTE = 0.01
-"""Share of the largest value from which a smooth one's distance is reported."""
+WORTH_A_NOTE = 0.02
+"""Share of the peak by which the largest value at a point may lie above it before that is reported."""
 
 
 class PeakMeasure(FormMeasure):
-    """The largest of squares over the body, smoothly.
+    """The peak of a field over the body; see `softmodels.results.peak`.
+
+    The value q from which on the field counts is taken from the values at the integration points. There the peak is least as a
+    function of q, so its derivatives are those at fixed q.
 
     Args:
         design: The meshed device.
-        square: UFL expression of the squared value.
-        largest_value: Gives the largest value at the integration points of the state that is loaded, over all ranks.
-        counted_in_stress: Whether the value is in shear moduli.
+        field: UFL expression of the field, not negative, differentiable where it counts.
+        values_of: Its values at the integration points, from the principal stretches there.
+        counted_in_stress: Whether the field is in shear moduli.
     """
 
-    def __init__(self, design: DesignedBody, square: Expr, largest_value: PeakOf, counted_in_stress: bool):
+    def __init__(self, design: DesignedBody, field: Expr, values_of: ValuesOf, counted_in_stress: bool):
+        import ufl
         from dolfinx import fem
 
         body = design.system.body
-        forms = [
-            density * body.hoop * body.measures()[0]
-            for density in (square ** (POWER // 2), fem.Constant(body.mesh, 1.0))
-        ]
-        super().__init__(design, forms, self._root, counted_in_stress=counted_in_stress)
-        self._largest, self._factor = largest_value, 0.0
-        self._found = 0.0
+        self._q = fem.Constant(body.mesh, 1.0)
+        x = field / self._q - 1.0
+        rounded = ufl.conditional(ufl.gt(x, ROUNDED), x, (x + ROUNDED) ** 2 / (4 * ROUNDED))
+        excess = ufl.conditional(ufl.gt(x, -ROUNDED), rounded, 0.0)
+        forms = [density * body.hoop * body.measures()[0] for density in (excess, fem.Constant(body.mesh, 1.0))]
+        super().__init__(design, forms, self._peak, counted_in_stress=counted_in_stress)
+        self._values_of, self._top = values_of, 0.0
 
-    def _root(self, values: Array) -> tuple[float, Array]:
-        value = self._factor * (values[0] / values[1]) ** (1 / POWER)
-        return value, value / POWER * np.array([1 / values[0] if values[0] else 0.0, -1 / values[1]])
+    def _peak(self, values: Array) -> tuple[float, Array]:
+        q, (above, volume) = float(self._q.value), values
+        share = above / (SHARE * volume)
+        return q * (1.0 + share), q / (SHARE * volume) * np.array([1.0, -above / volume])
+
+    def value(self, state: State | None) -> float:
+        self._settle()
+        return super().value(state)
 
     def slopes(self, state: State | None) -> Slopes:
-        self._found = self._largest(self.design)
-        if self._factor == 0.0:
-            self._factor = 1.0
-            smooth = self.value(state)
-            self._factor = self._found / smooth if smooth > 0.0 else 1.0
+        self._settle()
         return super().slopes(state)
 
+    def _settle(self) -> None:
+        """Take q from the state that is loaded."""
+        design, system = self.design, self.design.system
+        values = self._values_of(design, principal_stretches(design.gradients()))
+        _, q = volume_peak(system.comm, values, system.point_volumes())
+        self._q.value = q or 1.0
+        self._top = largest(system.comm, float(values.max()) if values.size else 0.0)
+
     def note(self, value: float) -> str:
-        apart = value / self._found - 1 if self._found else 0.0
-        if abs(apart) < WORTH_A_NOTE:
+        top = self._top * (self.design.system.stress_unit if self.counted_in_stress else 1.0)
+        if not value or top < (1.0 + WORTH_A_NOTE) * value:
             return ""
-        side = "above" if apart > 0 else "below"
-        return f"the smooth largest value lies {100 * abs(apart):.1f} % {side} the largest at the integration points"
+        shown = f"{top / 1e3:.4g} kPa" if self.counted_in_stress else f"{top:.4g}"
+        return (
+            f"the mean over the {100 * SHARE:g} % of the silicone where it is largest; the largest value at a point is {shown} "
+            "on this mesh, and grows with refinement at sharp corners and clamped edges"
+        )
 
 
-class PeakOf:
-    """The largest value at the integration points."""
+class ValuesOf:
+    """A field at the integration points, from the principal stretches there: (cells, points, 3) to (cells, points)."""
 
-    def __call__(self, design: DesignedBody) -> float:
-        values = self.values(design, principal_stretches(design.gradients()))
-        return float(largest(design.system.comm, float(values.max()) if values.size else -np.inf))
-
-    def values(self, design: DesignedBody, stretches: Array) -> Array:
+    def __call__(self, design: DesignedBody, stretches: Array) -> Array:
         raise NotImplementedError
 
 
-class _Stretch(PeakOf):
-    def values(self, design: DesignedBody, stretches: Array) -> Array:
+class _Stretch(ValuesOf):
+    def __call__(self, design: DesignedBody, stretches: Array) -> Array:
         return stretches[..., -1]
 
 
-class _Mises(PeakOf):
-    def values(self, design: DesignedBody, stretches: Array) -> Array:
-        return von_mises(shape_stresses(design.system.material, stretches))
+class _Mises(ValuesOf):
+    def __call__(self, design: DesignedBody, stretches: Array) -> Array:
+        return von_mises(shape_stresses(design.system.material, stretches)) / design.system.stress_unit
 
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class MaxStretch(Quantity):
-    """Largest principal stretch anywhere in the silicone."""
+class PeakStretch(Quantity):
+    """Peak of the largest principal stretch: its mean over the 0.5 % of the silicone where it is largest."""
 
-    name: ClassVar = "max_stretch"
+    name: ClassVar = "peak_stretch"
     unit: ClassVar = "1"
-    help: ClassVar = "largest principal stretch in the silicone (1 is undeformed)"
+    help: ClassVar = (
+        "largest principal stretch, the mean over the 0.5 % of the silicone where it is largest (1 is undeformed)"
+    )
 
     def measure(self, design: DesignedBody) -> Measure:
-        strain = design.strain
-        return PeakMeasure(design, eigenvalues(strain.C)[0], _Stretch(), counted_in_stress=False)
+        import ufl
+
+        return PeakMeasure(design, ufl.sqrt(eigenvalues(design.strain.C)[0]), _Stretch(), counted_in_stress=False)
 
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class VonMises(Quantity):
-    """Largest von Mises stress anywhere in the silicone."""
+class PeakVonMises(Quantity):
+    """Peak of the von Mises stress: its mean over the 0.5 % of the silicone where it is largest."""
 
-    name: ClassVar = "von_mises"
+    name: ClassVar = "peak_von_mises"
     unit: ClassVar = "Pa"
-    help: ClassVar = "largest von Mises stress in the silicone"
+    help: ClassVar = "largest von Mises stress, the mean over the 0.5 % of the silicone where it is largest"
+
+    @property
+    def title(self) -> str:
+        return "peak von Mises stress"
 
     def measure(self, design: DesignedBody) -> Measure:
-        return PeakMeasure(design, _mises_square(design), _Mises(), counted_in_stress=True)
+        import ufl
+
+        field = ufl.sqrt(_mises_square(design) + 1e-12)  # where it vanishes the root has no slope
+        return PeakMeasure(design, field, _Mises(), counted_in_stress=True)
+
+
+QUANTITIES |= {"max_stretch": PeakStretch, "von_mises": PeakVonMises}
+"""Names in problem files of earlier versions, which meant a mean of high powers, fitted to the largest value at a point."""
 
 
 def _mises_square(design: DesignedBody) -> Expr:

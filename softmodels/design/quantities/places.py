@@ -106,6 +106,32 @@ class Rise(Quantity):
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Height(Quantity):
+    """Height of a probe under pressure: how high it was drawn, and how far it has risen.
+
+    A design changes both, so the device whose top is highest is not the one whose top rises most.
+
+    Attributes:
+        of: The probe; the device's first one if empty.
+    """
+
+    name: ClassVar = "height"
+    unit: ClassVar = "m"
+    help: ClassVar = "height of a probe under pressure, along the lift from the origin of the device's axes"
+
+    of: str = ""
+
+    @property
+    def title(self) -> str:
+        return f"height of {self.of}" if self.of else "height"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        name, lift = _probe(design, self.of), np.asarray(design.system.body.actuator.lift)
+        return PlacesMeasure(design, (name,), lambda rest, moved: float((rest[name] + moved[name]) @ lift))
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Place(Quantity):
     """Where a probe is.
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.curve_residuals import largest_strain
+from softmodels.fitting.curves.curve_residuals import largest_strain, stretches_of
 from softmodels.fitting.fitted_law import FittedLaw
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.result import LeastSquaresFit
@@ -163,5 +163,5 @@ def fit_separately(
 
 def fitted_alone(choice: LawChoice, fit: LeastSquaresFit, curve: TensileCurve) -> FittedLaw:
     """A curve's own fit as a material with its stability."""
-    material = choice.material(fit.values)
+    material = choice.material(fit.values, stretches_of([curve]))
     return FittedLaw(choice, fit, material, judge(material, largest_strain([curve])), {})

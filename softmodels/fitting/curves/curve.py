@@ -9,7 +9,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from geometries.errors import FieldError
+from geometries.kinds import Quantity, Several
+from measurement.arguments import checked
+from measurement.read_only import keep_arrays
+from measurement.units import brief
 from measurement.user_file import read_file
+from measurement.wording import known_are, meant
 from softmodels.fitting.curves.columns import Column, TensileError, in_si, read_table, told_columns
 from softmodels.materials.homogeneous import MODES
 
@@ -31,10 +37,13 @@ BREAK = 0.5
 """A specimen is torn where the stress falls below this share of the largest."""
 ELONGATED, SLACK = 0.5, 0.3
 """A strain column whose least value is above the first begins where no test does; a stretch column below the second."""
+AT_REST = 0.05
+"""Share of the largest stress below which a specimen is free of stress; none that is pressed to `SLACK` is."""
 PERCENT = 30.0
 """No silicone bears such a strain: a column that reaches it holds percent."""
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class Specimen:
     """What a file does not say about the specimen.
@@ -57,6 +66,7 @@ class Specimen:
                 raise TensileError(f"{name.replace('_', ' ')} is {value:g}; it must be above zero")
 
 
+@checked
 @dataclasses.dataclass(frozen=True, eq=False)
 class TensileCurve:
     """A loading ramp.
@@ -78,6 +88,71 @@ class TensileCurve:
     remarks: tuple[str, ...] = ()
     noise: float | None = None
     readings: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TensileError(f"the name of a curve is {brief(self.name)}; it must be a text")
+        if not isinstance(self.mode, str) or self.mode not in MODES:
+            known = known_are(self.mode, MODES)
+            raise TensileError(f"{self.name}: the test is {brief(self.mode)}, which is none; {known}")
+        for name, kind in (("stretch", Quantity()), ("stress", Quantity("Pa"))):
+            object.__setattr__(self, name, self._column(name, getattr(self, name), kind))
+        if len(self.stretch) != len(self.stress):
+            raise TensileError(
+                f"{self.name}: {len(self.stretch)} stretches and {len(self.stress)} stresses; a curve has as many of both"
+            )
+        if not len(self.stretch):
+            raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
+        keep_arrays(self)
+
+    def _column(self, name: str, values: object, kind: Quantity) -> Array:
+        """One of the two columns, a copy, so that nobody changes it from outside.
+
+        Raises:
+            TensileError: It holds something else than finite numbers.
+        """
+        try:
+            if isinstance(values, np.ndarray) and values.dtype.kind in "iuf" and values.ndim == 1:
+                found = np.array(values, dtype=np.float64)
+            else:
+                plain = values.tolist() if hasattr(values, "tolist") else values
+                found = np.array(Several(kind).settled(name, plain), dtype=np.float64)
+        except FieldError as error:
+            raise TensileError(f"{self.name}: {error}") from None
+        if not np.isfinite(found).all():
+            raise TensileError(f"{self.name}: {name} holds a number that is not finite")
+        return found
+
+    def check(self) -> TensileCurve:
+        """The curve itself, if it can be one of a silicone in the unit that it claims; every way into a fit asks this.
+
+        Raises:
+            TensileError: Why not.
+        """
+        if len(self.stretch) < LEAST_POINTS:
+            raise TensileError(f"{self.name}: the curve has {len(self.stretch)} points, and {LEAST_POINTS} are needed")
+        low, high = self.stretch.min(), self.stretch.max()
+        if high > PERCENT:
+            raise TensileError(
+                f"{self.name}: a stretch of {high:.4g} is beyond what any silicone can take ({PERCENT:g}); if these are "
+                "percent, divide them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
+            )
+        if low <= 0.0:
+            hint = "; what begins at 0 is a strain: add 1 to it" if low == 0.0 else ""
+            raise TensileError(f"{self.name}: a stretch of {low:.4g} is not above zero{hint}")
+        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * np.abs(self.stress).max():
+            raise TensileError(
+                f"{self.name}: the stretch begins at {low:.4g} without stress, where a stretch begins near 1: these are "
+                "strains; add 1 to them"
+            )
+        if (np.diff(self.stretch) < 0.0).any():
+            raise TensileError(f"{self.name}: the stretch does not rise from row to row; give one loading ramp, sorted")
+        try:
+            _check_rest(self)
+            _check_modulus(self)
+        except TensileError as error:
+            raise TensileError(f"{self.name}: {error}") from None
+        return self
 
     def within(self, low: float, high: float) -> TensileCurve:
         """The part between two stretches.
@@ -106,8 +181,8 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
     Raises:
         TensileError: The curve cannot be used; the message names the file.
     """
-    if test.lower() not in SYNONYMS:
-        raise TensileError(f"test {test!r} is not one of {', '.join(TESTS)}")
+    if not isinstance(test, str) or test.lower() not in SYNONYMS:
+        raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{meant(test, SYNONYMS)}")
     kind = SYNONYMS[test.lower()]
     told = told_columns(columns) if columns else {}
     try:
@@ -118,12 +193,10 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
         stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
         mode = "equibiaxial" if kind == "balloon" else kind
         stretch, stress, remarks = _ramp(stretch, stress)
-        curve = TensileCurve(path.name, mode, stretch, stress, tuple(remarks))
-        _check_rest(curve)
-        _check_modulus(curve)
     except TensileError as error:
         raise TensileError(f"{path}: {error}") from None
-    return curve
+    curve = TensileCurve(str(path), mode, stretch, stress, tuple(remarks)).check()
+    return dataclasses.replace(curve, name=path.name)
 
 
 def _text(path: Path) -> str:
@@ -190,12 +263,11 @@ def _check_start(x: Array, y: Array, column: Column, specimen: Specimen) -> None
             f"the specimen's length; take the first length away from it, or give "
             f"--columns extension={place}[{column.unit}],... if the curve does begin there"
         )
-    at_rest = abs(y[np.argmin(values)]) < 0.05 * np.abs(y).max()
+    at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
     if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} without stress, where a stretch begins near 1: it seems to hold "
-            f"strains; rename it to 'strain' or give --columns strain={place},...; if the specimen was pressed that far, give "
-            f"--columns stretch={place},..."
+            f"strains; rename it to 'strain' or give --columns strain={place},..."
         )
 
 

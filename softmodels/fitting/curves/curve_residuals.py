@@ -90,6 +90,13 @@ def residuals_of(
     return sources, Extra((), gauges)
 
 
+def stretches_of(curves: Sequence[TensileCurve]) -> tuple[float, float] | None:
+    """Range of stretch that curves cover together; None for no curves."""
+    if not curves:
+        return None
+    return min(float(c.stretch.min()) for c in curves), max(float(c.stretch.max()) for c in curves)
+
+
 def largest_strain(curves: Sequence[TensileCurve]) -> float:
     """Largest I1 - 3 in the curves."""
     return max(float(strain_of(curve.mode, curve.stretch).max()) for curve in curves)

@@ -6,12 +6,13 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from measurement.arguments import callback, checked, one_of, several, span
 from softmodels.fitting.believable import Expected, expected, hold_against, stretch_of
 from softmodels.fitting.comparison import Comparison, compare
 from softmodels.fitting.curves.columns import TensileError
 from softmodels.fitting.curves.contradiction import fit_separately, fitted_alone
 from softmodels.fitting.curves.curve import TensileCurve, read_curve, small_modulus
-from softmodels.fitting.curves.curve_residuals import largest_strain, residuals_of
+from softmodels.fitting.curves.curve_residuals import largest_strain, residuals_of, stretches_of
 from softmodels.fitting.curves.law_fit import fit_law_to_curves, spread
 from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.curves.thinning import thinned
@@ -26,29 +27,41 @@ from softmodels.fitting.result import LeastSquaresFit
 from softmodels.fitting.soundness import NOTHING
 from softmodels.materials.stability import judge
 
+type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
+"""Measured curves, or files with uniaxial ones; one or several."""
+
 LARGEST_RATIO = 100.0
 """Curves of one material whose first moduli differ by more than this cannot have the same unit."""
 
 
-def prepared(curves: Sequence[TensileCurve], stretch: tuple[float, float] | None = None) -> list[TensileCurve]:
-    """Curves of one material within a range of stretch, dense ones averaged (see `thinned`), averaged ones as they are.
+def prepared(curves: Curves, stretch: tuple[float, float] | None = None) -> list[TensileCurve]:
+    """Curves of one material, checked, within a range of stretch; dense ones averaged (see `thinned`), averaged ones kept.
+
+    Args:
+        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
+        stretch: The range; None for the whole curves.
 
     Raises:
-        TensileError: They cannot be one material's, or too few points are left.
+        TensileError: One cannot be used, they cannot be one material's, or too few points are left.
     """
-    moduli = [small_modulus(curve) for curve in curves]
+    given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
+    read = [one.check() if isinstance(one, TensileCurve) else read_curve(Path(one)) for one in given]
+    if not read:
+        return []
+    moduli = [small_modulus(curve) for curve in read]
     if max(moduli) > LARGEST_RATIO * min(moduli):
-        low, high = (curves[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
+        low, high = (read[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
         raise TensileError(
             f"{low} begins with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} kPa; "
             "they cannot be one material, so check their units"
         )
-    within = [curve if stretch is None else curve.within(*stretch) for curve in curves]
+    within = [curve if stretch is None else curve.within(*stretch) for curve in read]
     return [thinned(curve) if curve.noise is None else curve for curve in within]
 
 
+@checked
 def fit_curves(
-    curves: Sequence[TensileCurve | Path | str] | TensileCurve | Path | str,
+    curves: Curves,
     material: Laws = "yeoh",
     options: FitOptions = DEFAULTS,
     *,
@@ -71,12 +84,14 @@ def fit_curves(
         FitError: The task is impossible.
         TensileError: A curve cannot be used.
     """
-    if isinstance(curves, TensileCurve | Path | str):
-        curves = [curves]
-    read = [curve if isinstance(curve, TensileCurve) else read_curve(Path(curve)) for curve in curves]
-    if not read:
+    callback("progress", progress)
+    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    ready = prepared(
+        several("curves", curves, (TensileCurve, Path, str), "a curve or its file"), span("stretch", stretch)
+    )
+    if not ready:
         raise FitError("there is nothing to fit to; give a tensile curve or outlines")
-    task = _Task(prepared(read, stretch), law_choices(material, options.poisson), options, progress or _silent)
+    task = _Task(ready, law_choices(material, options.poisson), options, progress or _silent)
     return task.report()
 
 
@@ -146,7 +161,7 @@ class _Task:
             if self.options.profiles and len(ranked.fit.free) > 2:
                 self.progress(f"intervals of {choice.name}")
             profiles = {p.name: profile(ranked.fit, p.name) for p in ranked.fit.free} if self.options.profiles else {}
-            material, judgement = choice.material(ranked.fit.values), NOTHING
+            material, judgement = choice.material(ranked.fit.values, stretches_of(self.curves)), NOTHING
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
             laws.append(FittedLaw(choice, ranked.fit, material, judge(material, strain), profiles, judgement))

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from measurement.units import UnitError, quantity
+from measurement.units import UnitError, brief, quantity
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 
 Array = npt.NDArray[np.float64]
@@ -40,6 +40,8 @@ class StressError:
     @classmethod
     def from_text(cls, text: str) -> StressError:
         """Read ``"2%+0.5kPa"``, ``"0.5kPa"``, ``"auto"``, or ``"constant"``: unweighted least squares on nominal stress."""
+        if not isinstance(text, str):
+            raise TensileError(f"stress error is {brief(text)}; it is a text such as '2%+0.5kPa', 'auto' or 'constant'")
         if text == "auto":
             return cls(RELATIVE, None, False)
         if text == "constant":

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from measurement.series.column import DENSITY_ERROR
 from measurement.units import WATER_DENSITY
+from measurement.wording import known_are
 from softmodels.fitting.options import BENCH
 from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
 from softmodels.fitting.outlines.reading import OutlineFitError
@@ -62,9 +63,7 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
     known = (*BENCH, "poisson", *model.lengths)
     for name in bench.free:
         if name not in known:
-            raise OutlineFitError(
-                f"nothing of the bench or the device is called {name!r}; known are {', '.join(known)}"
-            )
+            raise OutlineFitError(f"nothing of the bench or the device is called {name!r}; {known_are(name, known)}")
     reading = min(shape.pressure_error for shape in shapes)
     width = model.silhouette.width
     centre = float(np.median([shape.centre for shape in shapes]))

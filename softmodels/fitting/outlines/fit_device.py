@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
+from measurement.arguments import checked, one_of, several, wrong
 from measurement.outline.outline import Outline
 from measurement.wording import spoken
 from softmodels.case.case import Case
@@ -15,7 +16,8 @@ from softmodels.fitting.believable import Expected, caution, expected, hold_agai
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.contradiction import contradictions
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.curve_residuals import residuals_of
+from softmodels.fitting.curves.curve_residuals import residuals_of, stretches_of
+from softmodels.fitting.curves.fit_curves import Curves, prepared
 from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.fitted_law import FittedLaw
@@ -46,13 +48,14 @@ HEIGHTS_ALONE = (
 )
 
 
+@checked
 def fit(
     device: Actuator | Case | MeasuredDevice,
     outlines: Sequence[Outline | Path | str] | Path | str,
     material: Laws = "yeoh",
     options: FitOptions = DEFAULTS,
     *,
-    curves: Sequence[TensileCurve] = (),
+    curves: Curves = (),
     comm: MPI.Comm | None = None,
 ) -> FitReport:
     """Fit laws to outlines of a device at all pressures, perhaps together with tensile curves.
@@ -62,7 +65,7 @@ def fit(
         outlines: Outlines, or the files or folders that a measurement has written.
         material: A law's name or class, or several of them; ``"all"`` compares all.
         options: How.
-        curves: Tensile curves to fit at the same time (see `softmodels.fitting.curves.fit_curves.prepared`).
+        curves: Tensile curves to fit at the same time, or their files (see `softmodels.fitting.curves.fit_curves.prepared`).
         comm: Processes that solve together; None for all.
 
     Returns:
@@ -72,8 +75,8 @@ def fit(
         FitError: Bad input, or no law could be fitted.
         UnsoundError: The measurements contradict each other.
     """
-    if isinstance(outlines, Path | str):
-        outlines = [outlines]
+    _check_how(options, comm)
+    outlines = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
     given = [outline for outline in outlines if isinstance(outline, Outline)]
     files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
     if files or not given:
@@ -84,11 +87,12 @@ def fit(
         MeasuredDevice.of(device).counting_from(options.heights_from),
         law_choices(material, options.poisson),
         options,
-        tuple(curves),
+        tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"))),
     )
     return task.with_outlines(given, comm or start())
 
 
+@checked
 def fit_heights(
     device: Actuator | Case | MeasuredDevice,
     heights: Sequence[Height] | Path | str,
@@ -110,8 +114,10 @@ def fit_heights(
         FitError: Bad input, or no law could be fitted.
         UnsoundError: The measurements contradict each other.
     """
+    _check_how(options, comm)
     if isinstance(heights, Path | str):
         heights = read_heights(Path(heights), options.untrusted, options.without)
+    heights = several("heights", heights, Height, "a height, or the table heights.csv")
     task = _Task(
         MeasuredDevice.of(device).counting_from(options.heights_from),
         law_choices(material, options.poisson),
@@ -119,6 +125,13 @@ def fit_heights(
         (),
     )
     return task.with_heights(heights, comm or start())
+
+
+def _check_how(options: object, comm: object) -> None:
+    """Refuse, with `ArgumentError`, what are no options and no communicator."""
+    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    if comm is not None and not callable(getattr(comm, "allreduce", None)):
+        raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -193,8 +206,11 @@ class _Task:
     ) -> FittedLaw:
         model = trial.source.model
         choice: LawChoice = model.choice
-        strain = _largest_strain(trial.source, fit)
-        material = model.material(fit.values)
+        stretch = _largest_stretch(trial.source, fit)
+        strain = 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
+        low, high = stretches_of(self.curves) or (1.0, stretch)
+        over = (min(low, 1.0), max(high, stretch))
+        material = dataclasses.replace(model.material(fit.values), fitted_stretch=over)
         judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
         law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement)
         if not (law.sound and self.options.profiles):
@@ -203,11 +219,10 @@ class _Task:
         return dataclasses.replace(law, profiles={name: profile(fit, name, PROFILE_POINTS) for name in wanted})
 
 
-def _largest_strain(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
-    """Largest I1 - 3 of the device in the state of the largest deflection."""
+def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
+    """Largest principal stretch of the device in the state of the largest deflection."""
     from softmodels.results.fields import Fields
 
     state = source.largest_state(fit.values)
     source.model.set_parameters(fit.values)
-    stretch = Fields(source.model.solver).figures(state).max_stretch
-    return 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
+    return float(Fields(source.model.solver).figures(state).max_stretch)

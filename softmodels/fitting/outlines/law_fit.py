@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from measurement.wording import known_are
 from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.outlines.bench import DEFAULT_BENCH, Bench, nuisances
 from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
@@ -62,7 +63,7 @@ def fit_law_to_outlines(
     names = {*choice.names, *(p.name for p in (*known, *extra.parameters))}
     for name in changes:
         if name not in names:
-            raise FitError(f"there is no parameter {name!r}; known are {', '.join(sorted(names))}")
+            raise FitError(f"there is no parameter {name!r}; {known_are(name, sorted(names))}")
     measured = [
         (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
         for shape in source.shapes

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator, GeometryError, MeshingError
 from geometries.fields import about
+from measurement.arguments import checked, one_of
 from softmodels.case.case import Case
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.device_model import MODULUS, DeviceModel
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
+@checked
 @dataclasses.dataclass(frozen=True)
 class MeasuredDevice:
     """What was inflated.
@@ -73,6 +75,7 @@ class MeasuredDevice:
             parts = measured_parts(case.parts, section, case.material)
             around = (case.sheet, case.obstacle, parts, case.solver)
             return cls(section, case.name, case.material, case.formulation, *around)
+        one_of("device", device, Actuator, "a device, such as sm.HollowDisk(), or a Case")
         return cls(as_section(device), device.name)
 
     def counting_from(self, heights_from: str) -> MeasuredDevice:

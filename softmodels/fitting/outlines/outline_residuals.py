@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from measurement.read_only import keep_arrays
 from softmodels.fitting.options import BENCH
 from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.reading import OutlineFitError
@@ -171,6 +172,7 @@ class MatchedPhotograph:
             - values["leak"] * shape.pressure**2 / most
         )
         self.reading = (pressure - self.true_pressure) / shape.pressure_error
+        keep_arrays(self)
 
     def moved(self, rate: Array) -> Array:
         """Derivative of the outline's residuals as the curve's nodes move."""

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from geometries import Actuator
 from measurement.edge.smoothing import SPAN
 from measurement.outline.outline import Outline
+from measurement.read_only import keep_arrays
 from measurement.units import pascal_per_cm
 from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.residual_groups import autocorrelation_time
@@ -82,6 +83,9 @@ class Shape:
     pressure_error: float
     height: float
     centre: float
+
+    def __post_init__(self) -> None:
+        keep_arrays(self)
 
     @property
     def name(self) -> str:

@@ -40,7 +40,7 @@ class Pressed:
         near = Near.of(self.pairs, self.places, self.areas)
         self.N, self.S = near.sums(len(self.places))
         self.gaps = gaps_of(self.N, self.S)
-        self.touching = self.gaps < 0.0
+        self.touching = self.gaps < self.penalty.ahead
         self._all_near, self.near = near, near.of_points(self.touching)
 
     @functools.cached_property

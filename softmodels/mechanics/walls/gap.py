@@ -31,10 +31,12 @@ class Penalty:
     Attributes:
         stiffness: Pressure per penetration.
         onset: Penetration over which it sets in.
+        ahead: Gap from which it counts as penetration already; walls between the points of a rule may stand out by as much.
     """
 
     stiffness: float
     onset: float
+    ahead: float = dataclasses.field(default=0.0, kw_only=True)
 
     def rates(self, d: Array) -> tuple[Array, Array, Array]:
         """phi and its first two derivatives."""
@@ -114,6 +116,10 @@ class Near:
         S = np.column_stack([np.bincount(self.i, self.K[0] * self.m[:, c], count) for c in range(d)])
         return N, S
 
+    def gaps(self, count: int) -> Array:
+        """Gap of each point, shape (count,); see `gaps_of`."""
+        return gaps_of(*self.sums(count))
+
     def of_points(self, chosen: np.ndarray) -> Near:
         """Those whose points are chosen, a mask of shape (s,)."""
         return self.taken(chosen[self.i])
@@ -157,7 +163,7 @@ class PointEnergies:
         """
         D = np.linalg.norm(S, axis=1)
         depth = -N / D
-        phi, phi1, phi2 = (area * rate for rate in penalty.rates(depth))
+        phi, phi1, phi2 = (area * rate for rate in penalty.rates(depth + penalty.ahead))
         c, c1, c2 = _share(D)
         # depth = -N/D: its derivatives by N and D are -1/D and -depth/D.
         by_N, by_D = -1 / D, -depth / D

@@ -41,7 +41,7 @@ class Stand:
 
     Attributes:
         spring: Force per way.
-        weight: Force with which it lies on its stand.
+        weight: Force with which it lies on its stand; below zero where it is pulled off and only the spring holds it.
         onset: The short way.
     """
 
@@ -50,16 +50,22 @@ class Stand:
     onset: float
 
     def energy(self, s: float) -> float:
+        if self.weight <= 0.0:
+            return self.spring * s**2 / 2 + self.weight * s
         t = s / self.onset
         above = abs(t) + math.log1p(math.exp(-2 * abs(t))) - math.log(2)
         return self.spring * s**2 / 2 + self.weight * self.onset * (above if t > 0 else t**2 / 2)
 
     def force(self, s: float) -> float:
         """With which it is pushed back."""
+        if self.weight <= 0.0:
+            return self.spring * s + self.weight
         t = s / self.onset
         return self.spring * s + self.weight * (math.tanh(t) if t > 0 else t)
 
     def stiffness(self, s: float) -> float:
+        if self.weight <= 0.0:
+            return self.spring
         t = s / self.onset
         return self.spring + self.weight / self.onset * ((1 - math.tanh(t) ** 2) if t > 0 else 1.0)
 

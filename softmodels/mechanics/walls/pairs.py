@@ -18,6 +18,10 @@ NEIGHBOURS = 3.0
 """Distance at rest, in radii, up to which samples are neighbours on one wall."""
 MOST_IMAGES = 100
 """Images of a slice that are taken; a wedge of 15 degrees has 24."""
+SKIN = 0.4
+"""How much farther than needed pairs are looked for, so that they serve for several shapes."""
+FACING = 0.5
+"""Sine of the angle under which a chord leaves walls that face each other, at least."""
 BEHIND = 1e-6
 """Sine of the angle under which a chord has to enter the solid at both ends, to run through silicone."""
 
@@ -37,6 +41,7 @@ class Pairs:
     surface: Surface
     meets: npt.NDArray[np.bool_]
     images: Array
+    _found: tuple[Array, float, Numbers, Numbers] | None = dataclasses.field(default=None, init=False, repr=False)
 
     @functools.cached_property
     def radius(self) -> Array:
@@ -73,13 +78,32 @@ class Pairs:
         return may
 
     def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
-        """Samples and samples of images nearer to each other than ``reach``, where the samples are at ``places``, (s, d)."""
+        """Pairs that may press on each other and are nearer than ``reach``, sorted by the first; more may be among them.
+
+        They are looked for a little farther, and again only once samples have moved by as much.
+
+        Args:
+            places: Of the samples, shape (s, d).
+            reach: Distance.
+        """
+        if self._found is not None:
+            before, far, i, j = self._found
+            moved = float(np.sqrt(np.einsum("si,si->s", places - before, places - before).max(initial=0.0)))
+            if reach + 2 * moved <= far:
+                return i, j
         import scipy
 
+        far = max(reach, float(self.radius.max())) * (1 + SKIN)
         found = scipy.spatial.cKDTree(places).sparse_distance_matrix(
-            scipy.spatial.cKDTree(self.of_all(places)), reach, output_type="ndarray"
+            scipy.spatial.cKDTree(self.of_all(places)), far, output_type="ndarray"
         )
-        return found["i"].astype(np.int64), found["j"].astype(np.int64)
+        i, j = found["i"].astype(np.int64), found["j"].astype(np.int64)
+        may = self.allowed(i, j)
+        i, j = i[may], j[may]
+        order = np.lexsort((j, i))
+        i, j = i[order], j[order]
+        object.__setattr__(self, "_found", (places.copy(), far, i, j))
+        return i, j
 
     def near(self, places: Array) -> tuple[Numbers, Numbers]:
         """Pairs that may press on each other and are nearer than the second one's radius, sorted by the first.
@@ -88,10 +112,36 @@ class Pairs:
             places: Of the samples, shape (s, d).
         """
         i, j = self.within(places, float(self.radius.max()))
-        everywhere, count = self.of_all(places), len(places)
-        close = np.linalg.norm(places[i] - everywhere[j], axis=1) < self.radius[j % count]
-        i, j = i[close], j[close]
-        may = self.allowed(i, j)
-        i, j = i[may], j[may]
-        order = np.lexsort((j, i))
-        return i[order], j[order]
+        way = places[i] - self.of_all(places)[j]
+        close = np.einsum("pi,pi->p", way, way) < self.radius[j % len(places)] ** 2
+        return i[close], j[close]
+
+
+def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool_]:
+    """Which facets at rest face another one, or an image of one, across air, shape (f,).
+
+    Args:
+        surface: The walls.
+        images: Orthogonal matrices of the images, the identity first, shape (g, d, d).
+        reach: Largest distance between their middles.
+    """
+    import scipy
+
+    count, d = len(surface.facets), surface.dimension
+    places, areas = (values.reshape(count, -1, d) for values in surface.rest)
+    middle, normal = places.mean(axis=1), areas.sum(axis=1)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    others, across = (np.einsum("gij,fj->gfi", images, one).reshape(-1, d) for one in (middle, normal))
+    found = scipy.spatial.cKDTree(middle).sparse_distance_matrix(
+        scipy.spatial.cKDTree(others), reach, output_type="ndarray"
+    )
+    i, j = found["i"], found["j"]
+    chord = others[j] - middle[i]
+    least = FACING * np.linalg.norm(chord, axis=1)
+    faces = np.einsum("pi,pi->p", chord, normal[i]) > least
+    faces &= np.einsum("pi,pi->p", chord, across[j]) < -least
+    faces &= np.einsum("pi,pi->p", normal[i], across[j]) < OPPOSED
+    mask = np.zeros(count, dtype=np.bool_)
+    mask[i[faces]] = True
+    mask[j[faces] % count] = True
+    return mask

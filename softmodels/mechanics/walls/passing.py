@@ -57,4 +57,4 @@ def _deeper(pairs: Pairs, shapes: list[Array], slack: float) -> bool:
     place = start + t * (end - start)
     aside = np.sqrt(np.maximum(np.einsum("pi,pi->p", place, place) - limit**2, 0.0))
     own = aside < OWN * surface.edges[j % count]
-    return bool(pairs.allowed(i[own], j[own]).any())
+    return bool(own.any())
