@@ -17,10 +17,10 @@ with stoppable("geometries"):
     from geometries.errors import GeometryError, MeshingError
     from geometries.meshing import summarize
     from geometries.options import device_options, device_told
-    from measurement.running import run_command
+    from measurement.running import CommandGroup, run_command
 
 
-class Devices(click.Group):
+class Devices(CommandGroup):
     """A command for every registered device, made when it is asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:

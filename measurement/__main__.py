@@ -10,7 +10,7 @@ from measurement.ending import stoppable
 with stoppable("measurement"):
     import click
 
-    from measurement.running import run_command
+    from measurement.running import CommandGroup, run_command
 
 COMMANDS = {
     "calibrate": "measurement.cli.calibrate",
@@ -21,7 +21,7 @@ COMMANDS = {
 """Commands in the order of their use, and the modules that hold them: imported when asked for, so that help is quick."""
 
 
-class Lazy(click.Group):
+class Lazy(CommandGroup):
     """A group whose commands are imported on use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -8,6 +8,21 @@ import sys
 import click
 
 from measurement.ending import FAILED, STOPPED, bounded, written
+from measurement.terminal import say
+from measurement.wording import meant
+
+
+class CommandGroup(click.Group):
+    """A group that answers a misspelt command with the one that may have been meant."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name, known = args[0], self.list_commands(ctx)
+        if not name.startswith("-") and self.get_command(ctx, name) is None:
+            near = meant(name, known) or f"; there are {', '.join(known)}"
+            raise click.UsageError(f"there is no command {name!r}{near}", ctx)
+        return super().resolve_command(ctx, args)
 
 
 def run_command(command: click.Command, name: str) -> None:
@@ -19,7 +34,7 @@ def run_command(command: click.Command, name: str) -> None:
     """
 
     def tell(sentence: str) -> None:
-        click.echo(f"Error: {bounded(sentence)}", err=True)
+        say(f"Error: {bounded(sentence)}", err=True)
 
     with written(tell):
         try:

@@ -17,6 +17,7 @@ from measurement.own_folder import OwnFolderError
 from measurement.screen.calibration import STEPS, Calibration
 from measurement.screen.calibration import calibrate as calibrated
 from measurement.screen.setup import SetupError
+from measurement.terminal import say
 from measurement.units import UnitError
 
 REACHED = 0.9
@@ -54,7 +55,7 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     table = tomli_w.dumps({"camera": made.camera.as_table()})
     write_text(output, f"# A camera; made by python -m measurement calibrate.\n{table}")
     for path, why in made.refused.items():
-        click.echo(f"{path}: refused, {why}", err=True)
+        say(f"{path}: refused, {why}", err=True)
     if not quiet:
         _report(made, output)
     sys.exit(SOME_REFUSED if made.refused else DONE)
@@ -63,18 +64,18 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
 def _report(made: Calibration, output: Path) -> None:
     camera = made.camera
     for path, rms in made.per_image.items():
-        click.echo(f"{path}: {rms:.2f} px")
-    click.echo(
+        say(f"{path}: {rms:.2f} px")
+    say(
         f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
         f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, their corners miss by "
         f"{made.residual_px:.2f} px rms"
     )
-    click.echo(
+    say(
         f"The lens is known to {camera.error_px:.2g} px where boards were seen, {camera.errors_px[-1]:.2g} px in the "
         f"picture's corners; written to {output}"
     )
     if made.coverage < REACHED:
-        click.echo(
+        say(
             f"Boards reach {made.coverage:.0%} of the way from the middle to the corners; photographs with the board there "
             "would tell the lens beyond",
             err=True,

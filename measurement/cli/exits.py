@@ -6,12 +6,11 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-import click
-
 from measurement.ending import FAILED, bounded
 from measurement.output_place import UNUSABLE, status_of, trouble
 from measurement.own_files import replaced_whole
 from measurement.reasons import reason
+from measurement.terminal import say
 
 DONE, SOME_REFUSED = 0, 3
 """Beside `FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
@@ -21,7 +20,7 @@ __all__ = ["DONE", "FAILED", "SOME_REFUSED", "UNUSABLE", "check_place", "stop", 
 
 def stop(sentence: str, status: int = UNUSABLE) -> NoReturn:
     """End the program with a sentence on standard error."""
-    click.echo(f"Error: {bounded(sentence)}", err=True)
+    say(f"Error: {bounded(sentence)}", err=True)
     sys.exit(status)
 
 

@@ -30,6 +30,7 @@ from measurement.series.measurement import Measurement, with_zero
 from measurement.series.measuring import NoZero, Result, measure_all
 from measurement.series.photo import Refusal
 from measurement.series.photo_list import Photograph, PhotoListError, read_photos
+from measurement.terminal import say
 from measurement.units import WATER_DENSITY, UnitError, quantity
 
 
@@ -123,7 +124,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
         _report(made, folder.path, options.width)
     for result in made.results:
         if isinstance(result.outcome, Refusal):
-            click.echo(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
+            say(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
     sys.exit(DONE if not made.refused else SOME_REFUSED if made.outlines else FAILED)
 
 
@@ -160,15 +161,15 @@ def _measured(
 
 def _report(made: Measurement, folder: Path, width: tuple[float, float] | None) -> None:
     for result in made.results:
-        click.echo(_line(result))
-    click.echo(_scale_words(made.setup, made.zero, width))
+        say(_line(result))
+    say(_scale_words(made.setup, made.zero, width))
     weak = sum(not outline.trusted for outline in made.outlines)
     remark = f", {weak} of them not trusted" if weak else ""
-    click.echo(f"{len(made.outlines)} of {len(made.results)} measured{remark}; written to {folder}")
+    say(f"{len(made.outlines)} of {len(made.results)} measured{remark}; written to {folder}")
     for result in made.results:
         file = result.photograph.file
         if result.name != file.stem and isinstance(result.outcome, Outline):
-            click.echo(f"{file.name}: its outline is {result.name}.csv, for its own name is taken")
+            say(f"{file.name}: its outline is {result.name}.csv, for its own name is taken")
 
 
 def _width(text: str) -> tuple[float, float]:
@@ -217,7 +218,7 @@ def _draw(output: Path, made: Measurement, tone: str) -> None:
             image = read_photograph(files[highest])
             draw_steps(output / "steps.png", image, made.setup, trace_image(image, made.setup, tone), highest)
         except Unmeasurable as error:  # somebody changed the file meanwhile
-            click.echo(f"{files[highest].name}: no picture of its steps, {error}", err=True)
+            say(f"{files[highest].name}: no picture of its steps, {error}", err=True)
         by_pressure = sorted(made.results, key=lambda result: result.photograph.pressure)
         shown = [output / "edges" / f"{r.name}.png" for r in by_pressure if isinstance(r.outcome, Outline)]
         animate(output / "animation.gif", [file for file in shown if file.is_file()])

@@ -23,6 +23,7 @@ from measurement.screen.grid_error import GridError
 from measurement.screen.overlay import draw_points, read_picture
 from measurement.screen.plane import Plane, PlaneError
 from measurement.screen.setup import Setup, SetupError
+from measurement.terminal import say
 from measurement.units import UnitError
 
 
@@ -178,11 +179,11 @@ def _report(made: Setup, kind: str | None, written: str) -> None:
     raw = raw[np.isfinite(made.to_metres(raw)).all(axis=1)]
     span = float(np.sqrt(abs(np.linalg.det(made.jacobian([[camera.width / 2, camera.height / 2]])[0]))))
     error = float(np.sqrt(np.mean(made.error(raw, 0.0) ** 2)))
-    click.echo(f"Lens: {camera.source}, known to {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px")
+    say(f"Lens: {camera.source}, known to {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px")
     size = f"{made.magnification:.4f}" + (f" +- {made.magnification_error:.1g}" if made.magnification_error else "")
-    click.echo(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
+    say(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
     if kind is None:
-        click.echo("The plane is the scale that was given, seen straight on; nothing in the picture checks it")
+        say("The plane is the scale that was given, seen straight on; nothing in the picture checks it")
     else:
-        click.echo(f"{len(plane.points)} {kind} miss the plane by {plane.residual * 1e6:.2f} um rms")
-    click.echo(f"Places in the picture are known to {error * 1e6:.2g} um rms; {written}")
+        say(f"{len(plane.points)} {kind} miss the plane by {plane.residual * 1e6:.2f} um rms")
+    say(f"Places in the picture are known to {error * 1e6:.2g} um rms; {written}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
 import types
@@ -11,12 +12,13 @@ from typing import Any, TypedDict, Unpack
 
 from geometries import Actuator
 from geometries.fields import About
+from geometries.foreign_meshes import FORMATS
 from geometries.kinds import Choice, Flag, Kind, Quantity
 from measurement import wording
 from measurement.arguments import checked, one_of, several
 from measurement.toml_file import TomlError, parse_toml, read_toml
 from measurement.units import WATER_DENSITY, brief, exact_text
-from measurement.wording import known_are
+from measurement.wording import known_are, meant
 from softmodels.case import gauges as gauge_tables
 from softmodels.case.entries import MISSING, Entry, SeriesKind, Supply, Tables, Value, table_of
 from softmodels.case.entries import Part as PartEntry
@@ -260,6 +262,7 @@ class Case:
     def from_file(cls, path: Path | str, instead: Tables | None = None) -> Case:
         """Read a case file, perhaps with whole tables in place of its own; see `from_toml`. The messages name the file."""
         path = Path(path)
+        _check_case_file(path)
         try:
             return cls._from_tables({**read_toml(path), **(instead or {})}, path.parent)
         except TomlError as error:
@@ -277,6 +280,28 @@ class Case:
             raise CaseError(str(error)) from None
         given = {name: value for name, value in read.items() if value is not MISSING}
         return cls(**{"name": given["actuator"].stem, "material": DEFAULT, **given})
+
+
+def _check_case_file(path: Path) -> None:
+    """Refuse what is no case file with what to do: a part, a folder, a name that is misspelt."""
+    kinds = {".step": "ImportedActuator", ".stp": "ImportedActuator", **dict.fromkeys(FORMATS, "ImportedMesh")}
+    kind = kinds.get(path.suffix.lower())
+    if kind is not None:
+        held = "cavities = ['at 10, 0, 4 mm'] (a point in its air) and support = 'x = 0 mm' (what holds it)"
+        raise CaseError(
+            f"{path} is a part, and a case says where its air is, what holds it and how it is loaded; write a text file "
+            f"part.toml with [geometry] device = '{kind}', file = '{path.name}', {held}, and [load] pressure_cm = '0:10', "
+            f"one to a line, then type softmodels run part.toml; or without a file: softmodels run --device {kind} --file "
+            f"{path} --cavities 'at 10, 0, 4 mm' --support 'x = 0 mm' --pressure-cm 0:10"
+        )
+    if path.is_dir() and (path / "case.toml").is_file():
+        raise CaseError(f"{path} is a folder of results; its case file is {path / 'case.toml'}")
+    if not path.exists():
+        near = ""
+        with contextlib.suppress(OSError, ValueError):
+            near = meant(path.name, [file.name for file in path.parent.glob("*.toml")])
+        near = near or "; softmodels examples writes some to begin with"
+        raise CaseError(f"case file {path} cannot be read (No such file or directory){near}")
 
 
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {

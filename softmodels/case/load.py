@@ -259,7 +259,8 @@ class Load:
         if (most := highest * self.cm) > STIFFNESS_RANGE * shear_modulus:
             raise CaseError(
                 f"a pressure of {highest:g} cm ({most / 1e3:.4g} kPa) against a shear modulus of {shear_modulus / 1e3:.4g} "
-                "kPa cannot be meant: check the units of both (silicones have 5 to 500 kPa)"
+                f"kPa cannot be meant: at most {STIFFNESS_RANGE * shear_modulus / self.cm:.3g} cm are taken, and devices bear "
+                f"about {shear_modulus / self.cm:.2g} cm; check the units of both (silicones have 5 to 500 kPa)"
             )
         largest = max([*self.volumes_ml, *given[True]], default=0.0)
         if largest * 1e-6 > VOLUME_RANGE * cavity:

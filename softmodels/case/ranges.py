@@ -60,9 +60,12 @@ def series(text: object, what: str) -> Typed:
     try:
         values = numbers(parts)
     except UnitError as error:
+        cure = _unit_at_the_end(separator, parts) or "write 0:177, 0:177:10 or 0,70,130,177"
+        raise SeriesError(f"{what} {brief(text)} is not numbers ({error}); {cure}") from None
+    if below := [value for value in values if value < 0]:
         raise SeriesError(
-            f"{what} {brief(text)} is not numbers ({error}); write 0:177, 0:177:10 or 0,70,130,177"
-        ) from None
+            f"{what} {below[0]:g} is below zero; suction is not modelled, so give values from 0 upwards, such as 0,5,10"
+        )
     if separator == ":":
         values = _range(values, str(text), what)
     for before, after in itertools.pairwise(values):
@@ -71,8 +74,6 @@ def series(text: object, what: str) -> Typed:
         if after < before:
             more = ", and decimals with a point" if isinstance(text, str) and "," in text else ""
             raise SeriesError(f"{what} falls from {before:g} to {after:g}; give the values from low to high{more}")
-    if values and values[0] < 0:
-        raise SeriesError(f"{what} {values[0]:g} is below zero; positive values inflate, and suction is not modelled")
     if values and values[-1] == 0:
         raise SeriesError(f"the only {what} requested is 0, where nothing happens")
     return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
@@ -88,6 +89,24 @@ def _decimal_comma(text: str, what: str) -> str:
         f"{what} {text.strip()!r} is read as two values, {first} and {second}; decimals have a point, so write "
         f"{first}.{second} if that is meant, or {first}:{second} for both values without this note"
     )
+
+
+def _unit_at_the_end(separator: str, parts: list[object]) -> str:
+    """How values are written that have units of their own; empty where they have none."""
+    pairs = [split_text(part) if isinstance(part, str) else ("", "") for part in parts]
+    units = list(dict.fromkeys(unit for _, unit in pairs if unit))
+    if not units or not all(value for value, _ in pairs):
+        return ""
+    if len(units) > 1:
+        return f"give all values in one unit ({' or '.join(units)}), once, at the end"
+    text = f"{separator.join(value for value, _ in pairs)} {units[0]}"
+    pressure = factor_of(units[0], "Pa") is not None or units[0] == "cm"
+    volume = factor_of(units[0], "m^3") is not None
+    if not pressure and not volume:
+        return ""
+    if pressure:
+        return f"a unit stands once, at the end of a text: --pressure '{text}'"
+    return f"a unit stands once, at the end of a text ('{text}'), and not behind volume_ml"
 
 
 def _range(numbers: list[float], text: str, what: str) -> list[float]:
@@ -150,7 +169,7 @@ def _scale(unit: str, text: str, written: str, what: str, pascal_in_cm: float) -
 
 def split_text(text: str) -> tuple[str, str]:
     """The numbers of a text and the unit behind them; letters within a number are an exponent's."""
-    match = re.fullmatch(r"\s*(.*?[\d.])?\s*([^\d\s.,:][^:,]*)?\s*", text)
+    match = re.fullmatch(r"\s*(.*?[\d.](?:[eE][+-]?\d+)?)?\s*([^\d\s.,:][^:,]*)?\s*", text)
     return (match[1] or "", (match[2] or "").strip()) if match else (text, "")
 
 

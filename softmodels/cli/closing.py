@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-import sys
 
 from measurement.own_folder import OwnFolderError
+from measurement.terminal import say
 from softmodels.case.case import Case
 from softmodels.cli.drawing import Drawing
 from softmodels.materials.silicones import stretch_at_break
@@ -30,8 +30,8 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
             results.own.forget_unwritten()
             if drawing is not None and status in (DONE, NO_EQUILIBRIUM):
                 if not quiet:
-                    print(drawing.begins, file=sys.stderr)
-                took = drawing.draw(results)
+                    say(drawing.begins, err=True)
+                took = drawing.draw(results, quiet)
         except (OSError, OwnFolderError) as error:
             status = status or FAILED
             message = message or not_gathered(error)
@@ -40,16 +40,18 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         where = (
             f". The results up to there ({states}) are in {results.own.path}" if stored and status != BAD_INPUT else ""
         )
-        print(f"softmodels: {message}{where}", file=sys.stderr)
+        if drawing is not None and took is not None and not quiet:
+            where += f": {drawing.made}, in {took:.1f} s"
+        say(f"softmodels: {message}{where}", err=True)
     for note in notes if not quiet else []:
-        print(f"softmodels: note: {note}", file=sys.stderr)
+        say(f"softmodels: note: {note}", err=True)
     if not message and not quiet:
         row, words = results.rows[-1], state_words(case)
         gauge = words.gauge
         volume = (
             f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_95_ml')} ml" if words.volume else ""
         )
-        print(
+        say(
             f"{_loaded(row, words)}: {gauge} rise {row[f'{gauge}_mm']:+.5g}{_band(row, f'{gauge}_95_mm')} mm"
             f"{f', {volume}' if volume else ''}{pressed(row)}, "
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
@@ -59,11 +61,11 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         if text := _sideways(row, gauge):
             print(text)
         if case.gauges.columns():
-            print(", ".join(_gauge(name, row) for name in case.gauges.columns()))
+            say(", ".join(_gauge(name, row) for name in case.gauges.columns()))
         if told := stability_text(results.rows, case.actuator, words, branch_rows(results)):
-            print(told)
+            say(told)
         pictures = "" if drawing is None or took is None else f"; {drawing.made}, in {took:.1f} s"
-        print(
+        say(
             f"{len(stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{pictures}{_solved_on()}"
         )
     return status

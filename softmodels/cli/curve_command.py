@@ -15,6 +15,7 @@ from geometries.options import QuantityType
 from measurement.output_option import FolderType, open_folder
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
+from measurement.terminal import say
 from measurement.units import exact_text
 from softmodels.case.material_table import material_from
 from softmodels.cli.options import fail
@@ -112,8 +113,8 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
         fail(f"the results cannot be written ({error.strerror or error})", status_of(error))
     if not quiet:
         for one in many:
-            click.echo(as_text(one, ratio))
-        click.echo(f"written to {folder.path}")
+            say(as_text(one, ratio))
+        say(f"written to {folder.path}")
 
 
 def read_material(text: str, incompressible: bool = False) -> Material:

@@ -12,6 +12,7 @@ from geometries import MeshFileError, MeshingError
 from measurement.ending import STOPPED, asked_to_stop, stoppable
 from measurement.output_option import FolderType
 from measurement.own_folder import OwnFolderError
+from measurement.terminal import say
 from softmodels.cli.drawing import end, start_drawing, tell_not_drawn
 from softmodels.cli.options import fail
 from softmodels.design.errors import DesignError
@@ -149,7 +150,7 @@ def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
     if not is_root(comm) or folder is None:
         return status
     if result.trouble or not result.feasible:
-        print(f"softmodels: {result.trouble or result.reasons[0]}", file=sys.stderr)
+        say(f"softmodels: {result.trouble or result.reasons[0]}", err=True)
     if not quiet:
         found = result.recovered
         told = [
@@ -159,11 +160,11 @@ def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
             *result.margins,
             *result.confirmation,
         ]
-        print(result.headline)
+        say(result.headline)
         for text in [*told, *filter(None, [result.agreement]), *(f"note: {note}" for note in notes(result))]:
-            print(f"  {text}")
+            say(f"  {text}")
         more = "; before/ and after/ are the runs, report.html has the pictures" if drawn else ""
-        print(f"{folder.path}: design.toml is the device found, iterates.csv has all designs{more}")
+        say(f"{folder.path}: design.toml is the device found, iterates.csv has all designs{more}")
     return status
 
 
@@ -176,7 +177,7 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
     if folder is not None:
         folder.own.claim(["before/", "after/", *FILES])
         if not quiet:
-            print("running the device before and after, and drawing (--no-pictures leaves this out)", file=sys.stderr)
+            say("running the device before and after, and drawing (--no-pictures leaves this out)", err=True)
     for name, case in (("before", result.given), ("after", result.case)):
         status = run(case, result.folder / name, quiet=True, draw=False, interrupts=asked_to_stop)
         if status not in (DONE, NO_EQUILIBRIUM):

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import click
 
 from geometries import ACTUATORS, Actuator
+from measurement.wording import meant
 
 DEVICE = "--device"
 
@@ -22,7 +23,9 @@ def device_named(name: str) -> type[Actuator]:
     """
     name = next((known for known in ACTUATORS if known.lower() == name.lower()), name)
     if name not in ACTUATORS:
-        raise click.UsageError(f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}")
+        raise click.UsageError(
+            f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}{meant(name, ACTUATORS)}"
+        )
     return ACTUATORS[name]
 
 

@@ -8,9 +8,13 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 from geometries.apart import interpreter
 from measurement.cores import cores
+from measurement.terminal import COLUMNS, columns, say
 from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.results.store import Results
@@ -45,7 +49,27 @@ def end(process: subprocess.Popen[str]) -> None:
 def tell_not_drawn(out: str, errors: str, status: int, left: str) -> None:
     """Report that there are no pictures, why, and what there is."""
     reason = (errors or out).strip().splitlines() or [f"exit status {status}"]
-    print(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", file=sys.stderr)
+    say(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", err=True)
+
+
+@contextlib.contextmanager
+def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
+    """A line on a terminal with what is being done and the time it takes; nothing elsewhere."""
+    width = columns("stderr")
+    if quiet or width is None:
+        yield lambda text: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(
+        stderr=True, force_terminal=COLUMNS["stderr"] in os.environ or None, width=width, markup=False, highlight=False
+    )
+    with Progress(
+        TextColumn("{task.description}", markup=False), TimeElapsedColumn(), console=console, transient=True
+    ) as shown:
+        task = shown.add_task("drawing", total=None)
+        yield lambda text: shown.update(task, description=text)
 
 
 class Drawing:
@@ -95,8 +119,10 @@ class Drawing:
             self._process.stdin.write(json.dumps([str(results.folder.absolute()), results.name, complete]) + "\n")
             self._process.stdin.flush()
 
-    def draw(self, results: Results) -> float | None:
+    def draw(self, results: Results, quiet: bool = False) -> float | None:
         """Draw the results; the seconds it took, None if it failed, which is reported and costs no results.
+
+        On a terminal the files are counted as they are drawn, beside the time, unless ``quiet``.
 
         Raises:
             OSError: No process can be started.
@@ -104,12 +130,26 @@ class Drawing:
         begun = time.monotonic()
         process = self._process = self._process or self._started()
         self._order(results, complete=True)
-        out, errors = process.communicate()
+        out, errors = self._followed(process, quiet)
         if process.returncode == 0:
             print(errors, end="", file=sys.stderr)  # such as that this machine cannot render
             return time.monotonic() - begun
         tell_not_drawn(out, errors, process.returncode, "the results are complete")
         return None
+
+    def _followed(self, process: subprocess.Popen[str], quiet: bool) -> tuple[str, str]:
+        """What a process that draws prints to its end: the files drawn, and complaints."""
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
+        drawn = []
+        with ThreadPoolExecutor(1) as beside, _counter(quiet) as show:
+            errors = beside.submit(process.stderr.read)
+            for line in process.stdout:
+                drawn.append(line)
+                show(f"drawn: {len(drawn)} files, the last {Path(line.strip()).name}")
+            process.wait()
+            return "".join(drawn), errors.result()
 
     def leave(self) -> None:
         """End the process, whatever it is at."""

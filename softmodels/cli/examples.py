@@ -16,6 +16,7 @@ import numpy as np
 
 from measurement.synthetic.boards import chessboard
 from measurement.synthetic.photographer import Scene, save
+from measurement.terminal import say
 from softmodels.cli.bench_cases import BENCH
 from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
 from softmodels.cli.example_cases import CASES, PROBLEMS
@@ -209,6 +210,6 @@ def examples(output: Path) -> None:
             1,
         )
     for path in folder.kept:
-        click.echo(f"{path} was there already and is left alone")
+        say(f"{path} was there already and is left alone")
     count = len(folder.written) + len(folder.kept)
-    click.echo(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt says what is what")
+    say(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt says what is what")

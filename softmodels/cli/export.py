@@ -8,6 +8,7 @@ import click
 
 from geometries.errors import MeshingError
 from measurement.output_place import status_of
+from measurement.terminal import say
 from softmodels.case.errors import INPUT_ERRORS
 from softmodels.cli.options import fail
 from softmodels.mechanics.body import BodyError
@@ -49,7 +50,7 @@ def command(file: Path, output: Path, quiet: bool) -> None:
         fail(f"{output} cannot be written ({error.strerror or error})", status_of(error))
     if not quiet:
         steps, mesh = len(deck.pressures), deck.mesh
-        click.echo(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
+        say(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
         remarks = [*(text for silicone in deck.silicones for text in silicone.remarks[2:]), deck.overlapping]
         for text in filter(None, dict.fromkeys(remarks)):
-            click.echo(f"note: {text}")
+            say(f"note: {text}")

@@ -16,6 +16,7 @@ from measurement.output_option import FolderType, open_folder
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
 from measurement.result_folder import ResultFolder
+from measurement.terminal import say
 from measurement.units import UnitError
 from softmodels.case.case import Case, CaseError
 from softmodels.cli.fit_options import FitGiven, curve_changes, device_changes, fit_options, heights_from_option
@@ -122,15 +123,15 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
         fail(f"the results cannot be written ({error.strerror or error})", status_of(error))
     if speaks():
         if not options["quiet"]:
-            click.echo(as_text(report))
+            say(as_text(report))
         if report.separate:
-            click.echo(f"softmodels: {report.separate.pairs[0].sentence}; {report.separate.spread}", err=True)
+            say(f"softmodels: {report.separate.pairs[0].sentence}; {report.separate.spread}", err=True)
         if not options["quiet"]:
             for text in report.chosen.judgement.notes:
-                click.echo(text)
-            click.echo(_closing(report, folder[0].path))
+                say(text)
+            say(_closing(report, folder[0].path))
     if speaks() and not report.chosen.sound:
-        click.echo(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
+        say(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
     sys.exit(DONE if report.chosen.sound else FAILED)
 
 

@@ -10,6 +10,10 @@ from typing import Any
 import click
 
 from measurement.ending import stoppable
+from measurement.running import CommandGroup
+
+FOREIGN = (".step", ".stp", ".msh", ".inp", ".stl")
+"""Endings of drawings and meshes."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,7 +31,7 @@ class Place:
     text: str
 
 
-class LazyGroup(click.Group):
+class LazyGroup(CommandGroup):
     """A group whose commands are named by `Place`.
 
     Args:
@@ -49,6 +53,13 @@ class LazyGroup(click.Group):
             with stoppable("softmodels", self.speaks):
                 self.add_command(getattr(importlib.import_module(place.module), place.name), cmd_name)
         return super().get_command(ctx, cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0].lower().endswith((".toml", *FOREIGN)) and "run" in self.list_commands(ctx):
+            raise click.UsageError(f"{args[0]!r} is no command; did you mean softmodels run {args[0]}?", ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The list of commands in the group's help, without importing them."""

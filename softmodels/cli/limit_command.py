@@ -15,6 +15,7 @@ from measurement.output_option import FolderType, open_folder
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
 from measurement.result_folder import ResultFolder
+from measurement.terminal import say
 from measurement.units import WATER_DENSITY
 from softmodels.case.case import Case, CaseError
 from softmodels.case.material_table import material_from
@@ -134,13 +135,13 @@ def limit(kind: type[Actuator], **values: object) -> None:
     if not is_root(comm):
         return
     for name, found in limits.items():
-        click.echo(sentence(name, found, question.column))
+        say(sentence(name, found, question.column))
     for text in band_texts(bands, limits, question.column.cm):
-        click.echo(text)
+        say(text)
     for text in _notes(question, named, limits):
-        click.echo(text)
+        say(text)
     if scattered.sampled:
-        click.echo(scatter_text(scattered, question.column))
+        say(scatter_text(scattered, question.column))
     if folder is not None:
         _save(folder, lambda place: write(place, limits, scattered, question.column))
 
@@ -214,7 +215,7 @@ def _save(folder: ResultFolder, written: Callable[[Path], None]) -> None:
         fail(str(error))
     except OSError as error:
         fail(f"the tables cannot be written into {folder.path} ({error.strerror or error})", status_of(error))
-    click.echo(f"tables in {folder.path}")
+    say(f"tables in {folder.path}")
 
 
 def _as_asked(

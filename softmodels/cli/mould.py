@@ -12,6 +12,7 @@ from geometries.options import field_option
 from measurement.output_option import FolderType, open_folder
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
+from measurement.terminal import say
 from softmodels.case.errors import INPUT_ERRORS
 from softmodels.cli.options import fail
 from softmodels.design.mould.asked import Asked, asked_of
@@ -67,10 +68,10 @@ def mould(
         fail(f"the mould cannot be written into {folder.path} ({error.strerror or error})", status_of(error))
     if not quiet:
         for text in told(asked, found):
-            click.echo(text)
+            say(text)
         if not drawn and not no_pictures:
-            click.echo("no pictures: this machine cannot render (softmodels doctor)")
-        click.echo(f"mould in {folder.path}; sheet.html is for the bench")
+            say("no pictures: this machine cannot render (softmodels doctor)")
+        say(f"mould in {folder.path}; sheet.html is for the bench")
 
 
 def told(asked: Asked, found: Made) -> list[str]:

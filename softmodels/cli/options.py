@@ -17,6 +17,7 @@ import click
 from geometries import Actuator
 from measurement.ending import STOPPED, asked_to_stop, bounded, stoppable, written
 from measurement.output_option import FolderType
+from measurement.terminal import say
 from softmodels.case.case import Case
 from softmodels.case.errors import INPUT_ERRORS, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
@@ -174,7 +175,19 @@ def fail(message: str, status: int = 2) -> NoReturn:
 def _tell(message: str) -> None:
     if speaks():
         with contextlib.suppress(OSError):  # nobody can be told
-            print(f"softmodels: {bounded(message)}", file=sys.stderr)
+            say(f"softmodels: {bounded(message)}", err=True)
+
+
+def _missing(error: click.MissingParameter) -> str:
+    """What to type, where a command was given too little: the examples of its help."""
+    context, said = error.ctx, error.format_message().rstrip(".").replace("Missing", "missing")
+    if context is None or context.command.help is None:
+        return f"{said} (see --help)"
+    lines = [" ".join(line.split()) for line in context.command.help.partition("Examples:")[2].splitlines()]
+    examples = [line for line in lines if line.startswith("softmodels ")][:3]
+    if not examples:
+        return f"{said} (see {context.command_path} --help)"
+    return f"{said}; for example: {' | '.join(examples)} (softmodels examples writes files to begin with; see --help)"
 
 
 def main(command: click.Command) -> None:
@@ -196,6 +209,8 @@ def main(command: click.Command) -> None:
         except click.exceptions.NoArgsIsHelpError as error:
             print(error.format_message())
             sys.exit(2)
+        except click.MissingParameter as error:
+            fail(_missing(error))
         except click.ClickException as error:
             fail(f"{error.format_message()} (see --help)")
         finally:

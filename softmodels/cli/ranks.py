@@ -22,8 +22,9 @@ import click
 from geometries import GeometryError, MeshFileError, MeshingError, MeshingStopped, kept_meshes
 from measurement.cores import cores
 from measurement.ending import STOPPED, STOPS, asked_to_stop
+from measurement.terminal import COLUMNS, columns, say
 from softmodels.case.case import Case
-from softmodels.mechanics.mpi import TERMINAL, StartError, launched, mpich_file
+from softmodels.mechanics.mpi import StartError, launched, mpich_file
 
 AUTO = "auto"
 EACH = 30_000
@@ -88,7 +89,7 @@ def _unknowns(case: Case, quiet: bool) -> int:
     if device.dimension != 3:
         return 0
     if not quiet and not kept_meshes.known(device):
-        print(kept_meshes.told(device), file=sys.stderr, flush=True)
+        say(kept_meshes.told(device), err=True)
     with tempfile.TemporaryDirectory() as folder, asked_to_stop() as stopped:
         file = Path(folder) / "mesh.msh"
         try:
@@ -126,8 +127,9 @@ def start_again(ranks: int) -> int:
         StartError: The launcher does not start.
     """
     environment = dict(os.environ)
-    if sys.stderr is not None and sys.stderr.isatty():  # the ranks see a pipe of the launcher's
-        environment[TERMINAL] = str(shutil.get_terminal_size().columns)
+    for stream, variable in COLUMNS.items():  # the ranks see pipes of the launcher's
+        if (width := columns(stream)) is not None:
+            environment[variable] = str(width)
     try:
         process = subprocess.Popen(
             [str(_launcher()), "-n", str(ranks), sys.executable, *sys.orig_argv[1:]],

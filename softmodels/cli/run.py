@@ -7,7 +7,6 @@ value is not on the path (a limit point); 130 stopped by the user. Whatever happ
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, Unpack
@@ -16,6 +15,7 @@ from geometries import GeometryError, MeshFileError, MeshingError
 from measurement.ending import bounded
 from measurement.folder_lock import InUseError
 from measurement.own_folder import OwnFolderError
+from measurement.terminal import say
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import GaugeError
 from softmodels.cli.closing import close
@@ -151,7 +151,7 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
 def _end(case: Case, results: Results | None, status: int, message: str, quiet: bool, drawing: Drawing | None) -> int:
     """Close the run and let go of its folder."""
     if results is None:
-        print(f"softmodels: {bounded(message)}", file=sys.stderr)
+        say(f"softmodels: {bounded(message)}", err=True)
         return status
     try:
         return close(case, results, status, message, quiet, drawing)

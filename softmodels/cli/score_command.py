@@ -11,6 +11,7 @@ from geometries.options import QuantityType
 from measurement.output_option import FolderType, open_folder
 from measurement.output_place import status_of
 from measurement.own_folder import OwnFolderError
+from measurement.terminal import say
 from measurement.units import UnitError
 from softmodels.cli.curve_command import read_material
 from softmodels.cli.fit_options import heights_from_option
@@ -105,8 +106,8 @@ def score(
     except OSError as trouble:
         fail(f"the results cannot be written ({trouble.strerror or trouble})", status_of(trouble))
     if not quiet:
-        click.echo(as_text(scores))
-        click.echo(f"written to {folder.path}")
+        say(as_text(scores))
+        say(f"written to {folder.path}")
 
 
 def _materials(names: tuple[str, ...]) -> dict[str, Material]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from measurement.terminal import say
 from measurement.wording import known_are
 from softmodels.cli.options import fail
 from softmodels.materials.casting import SILICONE_DENSITY, casting_of
@@ -32,19 +33,19 @@ def silicones(products: tuple[str, ...]) -> None:
     for name in names:
         if name not in PRODUCTS:
             fail(f"{name!r} is no silicone of the library; {known_are(name, PRODUCTS)}")
-    click.echo(HEAD)
+    say(HEAD)
     for name in names or PRODUCTS:
         for one in PRODUCTS[name]:
-            click.echo(_line(name, one))
+            say(_line(name, one))
             if names:
-                click.echo(_origin(one))
+                say(_origin(one))
         if names:
-            click.echo(f"  {spread_sentence(name)}")
-            click.echo(f"  {_weight(name)}")
+            say(f"  {spread_sentence(name)}")
+            say(f"  {_weight(name)}")
     if not names:
-        click.echo(f"{PLAIN} what the plain name means: the middle source in tension by the stress at stretch 1.5, of an even "
+        say(f"{PLAIN} what the plain name means: the middle source in tension by the stress at stretch 1.5, of an even "
                    "number the stiffer of the two")  # fmt: skip
-        click.echo("softmodels silicones PRODUCT prints where and how each source was measured")
+        say("softmodels silicones PRODUCT prints where and how each source was measured")
 
 
 def _line(product: str, one: Silicone) -> str:

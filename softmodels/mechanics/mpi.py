@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 SHARED_MEMORY = Path("/dev/shm")
 """Where MPICH keeps what its ranks share, even of one rank; it ends the process where it cannot."""
-TERMINAL = "SOFTMODELS_TERMINAL"
-"""Environment variable: columns of the terminal that a command has which has started the ranks."""
 LAUNCHERS = {"PMI_RANK": "PMI_SIZE", "PMIX_RANK": "", "OMPI_COMM_WORLD_RANK": "OMPI_COMM_WORLD_SIZE",
              "SLURM_PROCID": "SLURM_STEP_NUM_TASKS"}  # fmt: skip
 """What launchers of MPI set: a process' rank, and how many there are."""

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.arguments import checked
-from measurement.units import UnitError, brief
+from measurement.units import WATER_DENSITY, UnitError, brief, pascal_per_cm, quantity
 from measurement.units import numbers as as_numbers
 from measurement.wording import Spoken
 
@@ -130,9 +130,21 @@ def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
     return [(f"{kind}.{name}", entries) for name, entries in table.items()]
 
 
+def _in_cm(name: str, table: object) -> str:
+    """The end of a sentence: what a pressure with a unit is in cm of the usual column."""
+    text = table.get("pressure") if isinstance(table, Mapping) else None
+    try:
+        height = quantity(text, "Pa") / pascal_per_cm(WATER_DENSITY) if isinstance(text, str) else 0.0
+    except UnitError:
+        height = 0.0
+    return f"; {text} are {height:.5g} cm of the usual column: {name}.pressure_cm = {height:.5g}" if height else ""
+
+
 def _series(name: str, table: object, keys: Mapping[str, Given]) -> Series:
     if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in keys:
-        raise ProgramError(f"{name} needs one of {' or '.join(keys)}, such as {name}.{next(iter(keys))} = [20, 40]")
+        raise ProgramError(
+            f"{name} needs one of {' or '.join(keys)}, such as {name}.{next(iter(keys))} = [20, 40]{_in_cm(name, table)}"
+        )
     text = table[key]
     values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:

@@ -17,6 +17,7 @@ import numpy as np
 
 from measurement.folder_lock import InUseError
 from measurement.own_folder import PATIENCE, OwnFolderError
+from measurement.terminal import say
 from softmodels.case.case import Case, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.pictures import (
@@ -54,6 +55,7 @@ def draw(
     beside: bool = False,
     makers: Makers | None = None,
     few: bool = False,
+    each: Callable[[Path], object] = lambda path: None,
 ) -> list[Path]:
     """Draw the pictures of a folder of results into it, with its film and report; those of before are taken away.
 
@@ -64,6 +66,7 @@ def draw(
         beside: Make the film in a process beside this one, which must not have rendered anything yet.
         makers: What draws, if it has been made ready or has drawn something already.
         few: Draw the curves, the stress and the report alone.
+        each: Gets each file as it is drawn.
 
     Returns:
         The files written.
@@ -85,7 +88,7 @@ def draw(
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
-        with DrawnFolder(folder, report.shrunk) as out:
+        with DrawnFolder(folder, report.shrunk, each) as out:
             if few:
                 written = _draw_few(states, out, name, say)
             else:
@@ -114,13 +117,14 @@ def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], obje
             out.save("cut", solid_pictures.cut(shown))
             page = report.Report(shown, out.path, name)  # while the film is being made
             written, left_out = makers.film.made()
-            out.written += written
+            for path in written:
+                out.drew(path)
             for text in left_out:
                 say(text)
         else:
             page = report.Report(shown, out.path, name)
             say(NO_RENDERING)
-        out.written.append(page.write(out.pages()))
+        out.drew(page.write(out.pages()))
     return out.written
 
 
@@ -135,7 +139,7 @@ def _draw_few(states: States, out: DrawnFolder, name: str, say: Callable[[str], 
             _stress(shown, out)
         else:
             say(NO_RENDERING)
-        out.written.append(report.Report(shown, out.path, name).write(out.pages()))
+        out.drew(report.Report(shown, out.path, name).write(out.pages()))
     return out.written
 
 
@@ -257,16 +261,18 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers
                 raise ResultsError(f"{folder} holds no results (there is no case.toml in it)")
             name = Case.from_file(folder / "case.toml").name
 
-        def say(text: str) -> None:
-            print(f"softmodels: {text}", file=sys.stderr)
+        def left_out(text: str) -> None:
+            say(f"softmodels: {text}", err=True)
 
-        for path in draw(folder, name, say, beside=True, makers=makers, few=few):
-            print(path)
+        def each(path: Path) -> None:
+            print(path, flush=True)  # a run that draws shows them as they come
+
+        draw(folder, name, left_out, beside=True, makers=makers, few=few, each=each)
     except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
-        print(f"softmodels: {error}", file=sys.stderr)
+        say(f"softmodels: {error}", err=True)
         sys.exit(2)
     except OSError as error:
-        print(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", file=sys.stderr)
+        say(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", err=True)
         sys.exit(2)
 
 

@@ -14,6 +14,7 @@ import click
 import matplotlib
 
 from measurement.page import image_uri, render
+from measurement.terminal import say
 from measurement.user_file import read_text
 from softmodels.case.case import Case, CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
@@ -77,10 +78,10 @@ def main(folder: Path) -> None:
         for path in draw(folder):
             print(path)
     except (ResultsError, CaseError, OwnModuleError) as error:
-        print(f"softmodels: {error}", file=sys.stderr)
+        say(f"softmodels: {error}", err=True)
         sys.exit(2)
     except OSError as error:
-        print(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", file=sys.stderr)
+        say(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", err=True)
         sys.exit(2)
 
 

@@ -31,9 +31,16 @@ class DrawnFolder:
     Args:
         path: The folder.
         shrink: Makes of a picture what a page holds of it, if there is to be a page.
+        each: Gets each file as it is drawn.
     """
 
-    def __init__(self, path: Path, shrink: Callable[[Picture.Image], str] | None = None):
+    def __init__(
+        self,
+        path: Path,
+        shrink: Callable[[Picture.Image], str] | None = None,
+        each: Callable[[Path], object] = lambda path: None,
+    ):
+        self._each = each
         self.path = path
         self.written: list[Path] = []
         self._shrink = shrink
@@ -68,7 +75,12 @@ class DrawnFolder:
             return self._shrink(image) if self._shrink else ""
 
         self._pages[path.name] = self._beside.submit(write)
+        self.drew(path)
+
+    def drew(self, path: Path) -> None:
+        """Count a file to what has been drawn."""
         self.written.append(path)
+        self._each(path)
 
     def pages(self) -> dict[str, str]:
         """Wait for what is being written; what a page holds of each picture, by the names of their files.

@@ -7,8 +7,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from measurement.terminal import COLUMNS, columns, wrapped
 from measurement.wording import spoken
-from softmodels.mechanics.mpi import TERMINAL
 from softmodels.results.row import Row
 from softmodels.results.state_words import StateWords
 
@@ -35,16 +35,16 @@ class Progress:
         self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> Progress:
-        columns = os.environ.get(TERMINAL)  # what the command sees that has started the ranks
-        if self.quiet or sys.stderr is None or not (columns or sys.stderr.isatty()):
+        width = columns("stderr")
+        if self.quiet or sys.stderr is None or width is None:
             return self  # a log has no bar, and need not wait for rich
         from rich.console import Console
         from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
         from rich.progress import Progress as Bar
 
         self._console = Console(
-            stderr=True, highlight=False, soft_wrap=True, markup=False,
-            force_terminal=bool(columns) or None, width=int(columns) if columns else None,
+            stderr=True, highlight=False, markup=False, emoji=False,
+            force_terminal=COLUMNS["stderr"] in os.environ or None, width=width,
         )  # fmt: skip
         self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         if self._console.is_terminal:
@@ -70,7 +70,7 @@ class Progress:
             return
         try:
             if self._console is not None:
-                self._console.print(spoken(text))
+                self._console.print(wrapped(spoken(text), self._console.width))
             else:
                 print(spoken(text), file=sys.stderr, flush=True)
         except (OSError, ValueError):  # a stream that was closed is a ValueError
@@ -91,7 +91,12 @@ class Progress:
             f"{gauge} rise {row[f'{gauge}_mm']:+8.3f} mm  {volume}{row['newton_iterations']:2d} iterations"
         )
         if self._bar is not None:
-            self._bar.update(self._task, completed=max(0.0, min(value, self.last)), description=text)
+            self.say(text)  # above the bar, where it stays
+            self._bar.update(
+                self._task,
+                completed=max(0.0, min(value, self.last)),
+                description=f"{value:.4g} of {self.last:g} {self.unit}",
+            )
             return
         now = time.monotonic()
         if self._first is None:
