@@ -38,11 +38,14 @@ NOISIEST = 50e-6
 FEWEST_POINTS = 40
 
 AUTO = "auto"
-SYMMETRIC, ASYMMETRIC = 1e-3, 6e-3
-"""Misfit of the edge's mean profile up to which its tone is right for sure, and from which none is known to be right."""
+RIGHT, WRONG = 1.3, 3.0
+"""Misfit of the edge's shape (`edge_shape`) up to which its tone is right for sure, and from which none is known to be right."""
 
-TELLING = 1.5
+TELLING = 1.3
 """Ratio of the misfits from which one tone is right and the other wrong."""
+
+LARGEST_TONE = 0.2
+"""Departure e of the light from the tone curve beyond which it is no camera's."""
 
 TONE_SHIFT, TONE_HARM = 0.4, 5e-6
 """Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
@@ -69,6 +72,7 @@ class Traced:
         coarse: The shadow in the small version.
         roi: Region x0, y0, x1, y1 in px that was looked at.
         tone: How the file stores light.
+        shift_error: Standard error in m of the half light's place, which all points share; part of ``error_px`` too.
         doubts: What speaks against trusting it, one sentence each.
     """
 
@@ -85,6 +89,7 @@ class Traced:
     coarse: CoarseShadow
     roi: tuple[int, int, int, int]
     tone: str
+    shift_error: float = 0.0
     doubts: tuple[str, ...] = ()
 
 
@@ -107,24 +112,27 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "")
     """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is its tone if its edge lies on ink.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
-    by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is symmetric.
+    by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is a lamp's.
     """
     if tone != AUTO:
         return _trace(image, setup, tone)
     first = _trace(image, setup, "srgb")
-    if first.edge.shape_misfit <= SYMMETRIC:
+    if first.edge.shape.misfit <= RIGHT and abs(first.edge.shape.tone) < 0.5 * LARGEST_TONE:
         return first
     second = _trace(image, setup, "linear")
     found = {"srgb": first, "linear": second}
-    best, other = sorted((first, second), key=lambda traced: np.nan_to_num(traced.edge.shape_misfit, nan=np.inf))
+    best, other = sorted((first, second), key=lambda traced: np.nan_to_num(traced.edge.shape.misfit, nan=np.inf))
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
-    if moved <= TONE_HARM or (
-        best.edge.shape_misfit < ASYMMETRIC and other.edge.shape_misfit >= TELLING * best.edge.shape_misfit
-    ):
+    shape = best.edge.shape
+    clear = shape.misfit < WRONG and abs(shape.tone) < LARGEST_TONE
+    if moved <= TONE_HARM or (clear and other.edge.shape.misfit >= TELLING * shape.misfit):
         return best
-    if likely in found and best.edge.on_ink:
+    if likely in found and shape.on_ink:
         return found[likely]
-    doubt = f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
+    doubt = (
+        f"the shape of the penumbra does not show how the file stores light; edges may be {moved * 1e6:.0f} um off: give "
+        "--tone srgb for a camera's JPEG, --tone linear for numbers in proportion to the light"
+    )
     return dataclasses.replace(best, doubts=(*best.doubts, doubt))
 
 
@@ -160,6 +168,9 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
     if touched_by_thread(small, coarse, through, line_px, pixel * factor):
         doubts.append("a thin dark thing (hair, thread, tube, a speck) touches the shadow")
     line = smoothed(edge, LONGEST_BRIDGE / pixel)
+    # Where the half light lies in the edge's shape is not known any better than this, along all of the edge.
+    shift = edge.shape.shift_error * float(np.median(edge.width))
+    line = dataclasses.replace(line, error=np.hypot(line.error, shift))
     points, normals = _on_screen(line, setup)
     screen_error = np.zeros(len(points))
     if look is not None:
@@ -183,6 +194,7 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
         coarse,
         view.roi,
         tone,
+        shift * pixel,
         tuple(doubt for doubt in doubts if doubt is not None),
     )
 

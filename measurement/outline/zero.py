@@ -16,6 +16,7 @@ from measurement.outline.sides import Sides
 from measurement.robust import deviation
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 STEEPEST = 20.0
 """Largest angle in degrees between the surface and the screen's horizontal."""
@@ -24,6 +25,10 @@ STRAIGHT = 60e-6
 """Half width in m of the band in which a flat surface's edge must lie."""
 
 FEWEST = 30
+
+STEEP, SMALLEST_PIECE = 0.35, 0.25
+"""Cosine of the angle between an edge's normal and the screen's vertical from which it is a side, and the share of all level
+points that the body's surface has at least."""
 
 KIN = 10.0
 """Neighbouring points that err together (dust, ripples of the skin), for the error of the line."""
@@ -83,9 +88,13 @@ class ZeroLine:
         Raises:
             Unmeasurable: No upper side, or one that is not straight: the actuator is inflated or is not lying flat.
         """
-        upper = normals[:, 1] > np.cos(np.radians(STEEPEST))
+        level = normals[:, 1] > np.cos(np.radians(STEEPEST))
+        upper = _surface(points, normals, level)
         if upper.sum() < FEWEST:
-            raise Unmeasurable("the shadow has no level upper side from which heights could be counted")
+            raise Unmeasurable(
+                "the shadow has no level upper side from which heights could be counted; photograph the undeformed body "
+                "upright, or give two points of its surface to setup --zero"
+            )
         points, errors = points[upper], errors[upper]
         direction, middle = _best_pair(points)
         rest = np.zeros(len(points))
@@ -103,10 +112,15 @@ class ZeroLine:
         if straight.mean() < 0.8 or scatter > 0.5 * STRAIGHT:
             raise Unmeasurable(
                 "the surface is not straight, so that it cannot be the undeformed one: "
-                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line"
+                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line; let the pressure "
+                "off, or leave out what else throws a shadow with setup --roi, or give two points of the surface to setup "
+                "--zero"
             )
         if abs(direction[1]) > np.sin(np.radians(STEEPEST)):
-            raise Unmeasurable(f"the undeformed surface is inclined by more than {STEEPEST:.0f} degrees")
+            raise Unmeasurable(
+                f"the undeformed surface is inclined by more than {STEEPEST:.0f} degrees: level the body, or turn the grid "
+                "with it"
+            )
         along = points[straight] @ direction
         count = max(2.0, straight.sum() / KIN)
         typical = float(np.hypot(scatter, np.median(errors)))
@@ -122,6 +136,35 @@ class ZeroLine:
     def error_at(self, x: Array) -> Array:
         """Standard error in m of the surface's height at x (n,)."""
         return np.hypot(self.error, self.slope_error * (x - self.centre))
+
+
+def _surface(points: Array, normals: Array, level: Mask) -> Mask:
+    """Which level points (n,) are the body's surface and not what it stands on.
+
+    A body on a table has the table's edge on both sides of it, lower, with the body's sides between. So the edge is cut where
+    it runs down a side, and the highest piece of some length is the surface, with those that lie on its line.
+
+    Args:
+        points: Edge in m, in order along it, shape (n, 2).
+        normals: As of `ZeroLine.fit`.
+        level: Which points lie on a level edge, shape (n,).
+    """
+    steep = normals[:, 1] < STEEP
+    piece = np.cumsum(np.r_[False, steep[1:] != steep[:-1]])
+    sizes = np.bincount(piece[level], minlength=piece[-1] + 1)
+    long = np.flatnonzero(sizes >= max(FEWEST, SMALLEST_PIECE * level.sum()))
+    if not len(long):
+        return level
+    heights = [float(np.median(points[level & (piece == number), 1])) for number in long]
+    highest = level & (piece == long[int(np.argmax(heights))])
+    direction, middle = _best_pair(points[highest])
+    off = (points - middle) @ np.array([-direction[1], direction[0]])
+    found = highest.copy()
+    for number in np.flatnonzero(sizes):
+        mine = level & (piece == number)
+        if np.median(off[mine]) > -STRAIGHT:
+            found |= mine
+    return np.asarray(found)
 
 
 def _best_pair(points: Array) -> tuple[Array, Array]:

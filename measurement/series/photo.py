@@ -74,7 +74,8 @@ def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     seen = ~traced.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
     sides = sides_of(line.place(traced.points[seen]), traced.normals[seen] @ line.normal, errors[seen])
-    return dataclasses.replace(line, tone=traced.tone, doubts=traced.doubts, sides=sides)
+    error = float(np.hypot(line.error, traced.shift_error))
+    return dataclasses.replace(line, error=error, tone=traced.tone, doubts=traced.doubts, sides=sides)
 
 
 def outline_of(

@@ -92,7 +92,7 @@ def test_a_speck_on_the_edge_spoils_no_point_beside_it(place, radius):
 def test_shapes_that_no_penumbra_has_show_in_the_misfit():
     right = found(picture(straight, 4.0, noise=1.0))
     image = np.uint8(np.rint(255.0 * (picture(straight, 4.0, noise=1.0) / 255.0) ** (1 / 2.2)))
-    assert found(image).shape_misfit > 4.0 * right.shape_misfit
+    assert found(image).shape.misfit > 4.0 * right.shape.misfit
 
 
 def test_edges_that_are_none():
