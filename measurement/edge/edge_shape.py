@@ -32,7 +32,7 @@ STEP, FAR = 0.05, 9.0
 LAMPS = (0.5, 0.0, 1.5)
 """Exponents m of the lamps that are tried."""
 
-BINS, REACH, FEWEST, KIN = 40, 4.0, 20, 6.0
+BINS, REACH, FEWEST, KIN = 40, 4.0, 20, 4.0
 """Bins of the mean profile, the widths to which they reach on either side, the least number of samples in one, and how many
 samples err together."""
 
@@ -138,7 +138,10 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: Stored) -> Edge
     lamp, best = min(zip(LAMPS, fits, strict=True), key=lambda pair: float(pair[1].cost))
     misfit = float(np.sqrt(2.0 * best.cost / (len(place) - 6)))
     covariance = np.linalg.pinv(best.jac.T @ best.jac)
-    error = float(np.hypot(np.sqrt(covariance[0, 0]) * max(1.0, misfit), ON_INK if on_ink else UNSURE))
+    # An asymmetry that is no camera's may be the penumbra's own, as of a deep body's level surface.
+    strange = 0.6 * max(0.0, abs(float(best.x[3])) - 3.0 * TONE)
+    own = np.sqrt(covariance[0, 0]) * max(1.0, misfit)
+    error = float(np.linalg.norm([own, ON_INK if on_ink else UNSURE, strange]))
     return EdgeShape(_shape(best.x, lamp, stored), error, float(best.x[3]), misfit, on_ink)
 
 

@@ -38,7 +38,7 @@ NOISIEST = 50e-6
 FEWEST_POINTS = 40
 
 AUTO = "auto"
-RIGHT, WRONG = 1.3, 3.0
+RIGHT, WRONG = 1.5, 3.5
 """Misfit of the edge's shape (`edge_shape`) up to which its tone is right for sure, and from which none is known to be right."""
 
 TELLING = 1.3

@@ -19,7 +19,7 @@ from measurement.outline.outline import Outline, OutlineError
 from measurement.outline.ripples import check_ripples, unsure
 from measurement.outline.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
 from measurement.outline.sides import BAND, sides_of
-from measurement.outline.zero import ZeroLine
+from measurement.outline.zero import ZeroLine, checked_level
 from measurement.screen.setup import Setup
 
 Array = npt.NDArray[np.float64]
@@ -70,12 +70,15 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
 
 def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     """`find_zero` of an edge that has been traced already."""
-    errors = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
+    errors = np.hypot(setup.exact_scale.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
     seen = ~traced.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
-    sides = sides_of(line.place(traced.points[seen]), traced.normals[seen] @ line.normal, errors[seen])
+    placed, upwards = line.place(traced.points[seen]), traced.normals[seen] @ line.normal
     error = float(np.hypot(line.error, traced.shift_error))
-    return dataclasses.replace(line, error=error, tone=traced.tone, doubts=traced.doubts, sides=sides)
+    line = dataclasses.replace(
+        line, error=error, tone=traced.tone, doubts=traced.doubts, sides=sides_of(placed, upwards, errors[seen])
+    )
+    return checked_level(line, placed, upwards)
 
 
 def outline_of(
@@ -135,14 +138,19 @@ def outline_of(
             sunk,
             scale,
             traced.bridged[order],
+            setup.scale_error,
+            zero.level_error,
         )
     except OutlineError as problem:
         raise Unmeasurable(str(problem)) from None
 
 
 def _placing_error(traced: Traced, setup: Setup, zero: ZeroLine, placed: Array, upwards: Array) -> Array:
-    """Standard errors (n,) in m of an edge above the surface: edge, screen, surface and a camera that has moved."""
-    error = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
+    """Standard errors (n,) in m of an edge above the surface: edge, screen, surface and a camera that has moved.
+
+    What all lengths and heights of a run share, the scale's error and the level's, is the outline's own.
+    """
+    error = np.hypot(setup.exact_scale.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
     error = np.hypot(error, zero.error_at(placed[:, 0]) * np.abs(upwards))
     if np.isfinite(traced.moved):
         # What the grid's own reading leaves uncertain is in the plane's error already; only more than that has moved.

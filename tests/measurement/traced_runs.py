@@ -76,10 +76,14 @@ def random_case(seed: int, lamp: str | None = None, camera: str | None = None) -
         quality=int(rng.integers(88, 98)),
     )  # fmt: skip
     sides = bool(rng.integers(0, 2))
-    body = rays.Body(
-        rng.uniform(3e-3, 7e-3), rng.uniform(8e-3, 10e-3), rng.uniform(11e-3, 12e-3) if sides else 0.2,
-        floor=rng.uniform(-5.5e-3, -4.5e-3), pitch=rng.uniform(1.5, 3.0),
-    )  # fmt: skip
+    height, dome, width = rng.uniform(3e-3, 7e-3), rng.uniform(8e-3, 10e-3), rng.uniform(11e-3, 12e-3)
+    # What is beside the bulge shows whether the body has moved, so some of it stays in the picture.
+    dome, width = (min(dome, 0.76 * width), width) if sides else (dome, 0.2)
+    floor, pitch = rng.uniform(-5.5e-3, -4.5e-3), rng.uniform(1.5, 3.0)
+    # Nobody lays the surface along a grid line, which hides it.
+    line = bench.pitch * np.rint(floor / bench.pitch)
+    floor = floor if abs(floor - line) > 0.6e-3 else line - 1.1e-3
+    body = rays.Body(height, dome, width, floor=floor, pitch=pitch)
     return Case(lamp, camera, bench, sensor, body)
 
 
