@@ -20,7 +20,6 @@ from skimage.measure import find_contours
 
 from measurement.camera.pixels import Unmeasurable
 from measurement.edge.edge_shape import EdgeShape, Stored, common_shape, gaussian
-from measurement.edge.ink import Drawn
 from measurement.edge.profile_fit import ProfileFit, fit_profiles
 from measurement.edge.profiles import Profiles, Shading, stations
 
@@ -82,7 +81,7 @@ def coarse_contour(mask: npt.NDArray[np.bool_], share: Array, factor: float, ori
     near = np.where(mask, np.minimum(share, 0.49), np.maximum(share, 0.51))
     contours = find_contours(np.clip(near, 0.0, 1.0), 0.5)
     if not contours:
-        raise Unmeasurable("there is no shadow on the screen")
+        raise Unmeasurable("there is no shadow on the screen; switch the lamp on, and photograph the body in its light")
     longest = max(contours, key=lambda points: float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()))
     return (longest[:, ::-1] + 0.5) * factor - 0.5 + np.array(origin)
 
@@ -108,7 +107,9 @@ def refine_edge(shading: Shading, contour: Array, factor: float) -> Edge:
             break
         reach = 2.0 * reach
     if len(edge.px) < 10:
-        raise Unmeasurable("its edge is nowhere clear enough to be found")
+        raise Unmeasurable(
+            "its edge is nowhere clear enough to be found; photograph it again in focus, with more light and contrast"
+        )
     # The second look follows the first one's edge, so that its profiles need no room for the contour's error.
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
     reach = float(np.clip(4.5 * width + 2.0, 5.0, 250.0))

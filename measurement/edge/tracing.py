@@ -39,7 +39,7 @@ FEWEST_POINTS = 40
 
 AUTO = "auto"
 RIGHT, WRONG = 1.5, 3.5
-"""Misfit of the edge's shape (`edge_shape`) up to which its tone is right for sure, and from which none is known to be right."""
+"""Misfit of the edge's shape (`edge_shape`) up to which its tone is right, and from which none is known to be right."""
 
 TELLING = 1.3
 """Ratio of the misfits from which one tone is right and the other wrong."""
@@ -159,7 +159,8 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
     edge = edge[view.inside(edge.px)]
     if len(edge.px) < FEWEST_POINTS:
         raise Unmeasurable(
-            f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed"
+            f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed: photograph "
+            "it again with more light and contrast, and with no grid line along the surface"
         )
     check_light(edge, view)
     doubts = [*check_steps(edge, coarse.colour), check_blur(edge, pixel)]
@@ -203,11 +204,12 @@ def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
     height, width = image.shape[:2]
     if (width, height) != (setup.camera.width, setup.camera.height):
         raise Unmeasurable(
-            f"it has {width} x {height} pixels where the setup has {setup.camera.width} x {setup.camera.height}"
+            f"it has {width} x {height} pixels where the setup has {setup.camera.width} x {setup.camera.height}; "
+            "photograph both with the same settings, uncropped"
         )
     x0, y0, x1, y1 = (0, 0, width, height) if setup.roi is None else (round(value) for value in setup.roi)
     if min(x1 - x0, y1 - y0) < 64:
-        raise Unmeasurable("the region of interest is smaller than 64 pixels")
+        raise Unmeasurable("the region of interest is smaller than 64 pixels; give setup --roi a larger one")
     return x0, y0, x1, y1
 
 
@@ -224,13 +226,19 @@ def _on_screen(line: Line, setup: Setup) -> tuple[Array, Array]:
     """
     points = setup.to_metres(line.px)
     if not np.isfinite(points).all():
-        raise Unmeasurable("the shadow lies where the lens correction is not defined")
+        raise Unmeasurable(
+            "the shadow lies where the lens correction is not defined; calibrate with boards up to the picture's "
+            "corners, or aim the camera at the shadow"
+        )
     slope = setup.jacobian(line.px)
     normals = np.linalg.solve(np.swapaxes(slope, 1, 2), line.normal[..., None])[..., 0]
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     typical = float(np.median(setup.error(line.px, line.error, normals)[~line.bridged]))
     if typical > NOISIEST:
-        raise Unmeasurable(f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um")
+        raise Unmeasurable(
+            f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um; photograph it again "
+            "with more light, a lower sensitivity (ISO) or less compression"
+        )
     return points, normals
 
 

@@ -93,8 +93,8 @@ def with_known_body(setup: Setup, zero: ZeroLine, width: float, error: float = 0
     spread = math.hypot(error / width, zero.sides.error / zero.sides.width)
     if setup.magnification_error > 0.0 and abs(scale - 1.0) > CONTRADICTS * math.hypot(spread, setup.scale_error):
         raise SetupError(
-            f"the body seems {zero.sides.width * 1e3:.4g} mm wide by the grid's pitch and the lamp's distance, where --body-width "
-            f"has {width * 1e3:.4g} mm: they differ by {scale - 1.0:+.2%} and are known to "
+            f"the body seems {zero.sides.width * 1e3:.4g} mm wide by the grid's pitch and the lamp's distance, where "
+            f"--body-width has {width * 1e3:.4g} mm: they differ by {scale - 1.0:+.2%} and are known to "
             f"{math.hypot(spread, setup.scale_error):.2%}; measure the pitch over many lines, the distances and the width again"
         )
     magnified = setup.magnification * scale

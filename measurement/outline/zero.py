@@ -125,8 +125,8 @@ class ZeroLine:
             raise Unmeasurable(
                 "the surface is not straight, so that it cannot be the undeformed one: "
                 f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line; let the pressure "
-                "off, or leave out what else throws a shadow with setup --roi, or give two points of the surface to setup "
-                "--zero"
+                "off, level body and lamp, leave out what else throws a shadow with setup --roi, or give two points "
+                "of the surface to setup --zero"
             )
         if abs(direction[1]) > np.sin(np.radians(STEEPEST)):
             raise Unmeasurable(

@@ -95,7 +95,8 @@ def outline_of(
     above = placed[:, 1] > -np.maximum(BELOW * error, ON_SURFACE)
     if above.sum() < FEWEST_POINTS:
         raise Unmeasurable(
-            "the shadow lies below the surface at zero pressure: the actuator has moved, or the zero is wrong"
+            "the shadow lies below the surface at zero pressure: the actuator has moved, or the zero is wrong; photograph it "
+            "at zero pressure again and list that"
         )
     check_top(placed, above, upwards, error)
     sunk, moved, displaced = displacement(placed, upwards, error, zero)
@@ -114,7 +115,10 @@ def outline_of(
     sunken = ~above & ~traced.bridged
     above &= ~_rounded(placed, upwards)
     if above.sum() < FEWEST_POINTS:
-        raise Unmeasurable("between the body's two sides too little of its surface is seen")
+        raise Unmeasurable(
+            "between the body's two sides too little of its surface is seen; bring the camera nearer, or photograph it "
+            "again with all of its surface in the light"
+        )
     kept = np.flatnonzero(above)
     inner = slice(kept[0], kept[-1] + 1)
     # A surface that has sunk as a whole, or beside the bulge, is no dent.
@@ -181,7 +185,8 @@ def _check_rim(traced: Traced, zero: ZeroLine) -> None:
     coarse = float(np.median(np.linalg.norm(np.diff(traced.rim, axis=0), axis=1))) if len(traced.rim) > 1 else 0.0
     if height.max() > RIM + 2.0 * coarse:
         raise Unmeasurable(
-            f"the shadow touches the frame or the region of interest {height.max() * 1e3:.1f} mm above the surface"
+            f"the shadow touches the frame or the region of interest {height.max() * 1e3:.1f} mm above the surface; widen "
+            "setup --roi, or aim the camera so that light is seen all round the bulge"
         )
 
 
@@ -213,7 +218,8 @@ def _check_dents(placed: Array, sunken: npt.NDArray[np.bool_]) -> None:
         if length > GAP:
             raise Unmeasurable(
                 f"over {length * 1e3:.1f} mm the surface lies up to {-placed[start:stop, 1].min() * 1e3:.2f} mm below the "
-                "undeformed one: it is dented or drawn in; only what rises above that surface is measured"
+                "undeformed one: it is dented or drawn in; only what rises above that surface is measured: raise the pressure, "
+                "or photograph the zero again with the body as it is now"
             )
 
 
@@ -237,7 +243,7 @@ def _gaps(
     lengths[~(above[seen[1:]] | above[seen[:-1]])] = 0.0
     if lengths.max(initial=0.0) > LARGEST_GAP:
         words = f"the outline has a gap of {lengths.max() * 1e3:.1f} mm where no edge is clear"
-        raise Unmeasurable("; ".join([words, *doubts]))
+        raise Unmeasurable("; ".join([words, *doubts, "clear away what hides it and photograph it again"]))
     top = int(np.argmax(placed[:, 1]))
     found = []
     for at in np.flatnonzero(lengths > TOP_GAP):

@@ -103,7 +103,7 @@ def setup_of(case: Case, grid: np.ndarray) -> Setup:
 def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None, tone: str = AUTO):
     """Setup and outcomes (`Outline` or `Refusal`) of a run's photographs, judged together."""
     setup = setup or setup_of(case, pictures[0])
-    raised = [picture for picture in pictures[2:]]
+    raised = list(pictures[2:])
     try:
         flat = trace_image(pictures[1], setup, tone)
         if flat.doubts:  # as `measuring.zero_line` does
