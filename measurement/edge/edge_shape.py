@@ -141,8 +141,8 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: Stored) -> Edge
     # An asymmetry that is no camera's may be the penumbra's own, as of a deep body's level surface.
     strange = 0.6 * max(0.0, abs(float(best.x[3])) - 3.0 * TONE)
     own = np.sqrt(covariance[0, 0]) * max(1.0, misfit)
-    error = float(np.linalg.norm([own, ON_INK if on_ink else UNSURE, strange]))
-    return EdgeShape(_shape(best.x, lamp, stored), error, float(best.x[3]), misfit, on_ink)
+    unsure = float(np.linalg.norm([own, ON_INK if on_ink else UNSURE, strange]))
+    return EdgeShape(_shape(best.x, lamp, stored), unsure, float(best.x[3]), misfit, on_ink)
 
 
 def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:

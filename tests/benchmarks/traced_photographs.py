@@ -64,7 +64,8 @@ def main() -> int:
             apex = outcome.height - height
             held = float(np.mean(np.abs(off) < NORMAL * outcome.error))
             rms = float(np.sqrt(np.mean(off**2)))
-            line = f"apex {apex * 1e6:+5.1f} +- {outcome.height_error * 1e6:4.1f} um, rms {rms * 1e6:4.1f} um, {held:4.0%} within 95 %"
+            line = f"apex {apex * 1e6:+5.1f} +- {outcome.height_error * 1e6:4.1f} um, "
+            line += f"rms {rms * 1e6:4.1f} um, {held:4.0%} within 95 %"
             if outcome.trusted:
                 rows.append((case.lamp, case.camera, apex, outcome.height_error, rms, held))
                 wrong += abs(apex) > max(25e-6, 3.0 * outcome.height_error)
@@ -72,9 +73,8 @@ def main() -> int:
                 untrusted += 1
             print(head, line, "; ".join(outcome.reasons), flush=True)
     table(rows)
-    print(
-        f"{count} photographs: {len(rows)} trusted, {untrusted} untrusted, {refused} refused, {wrong} wrong and trusted; {without} runs without a setup"
-    )
+    ends = f"{len(rows)} trusted, {untrusted} untrusted, {refused} refused, {wrong} wrong and trusted"
+    print(f"{count} photographs: {ends}; {without} runs without a setup")
     return int(wrong > 0)
 
 
@@ -92,9 +92,15 @@ def pictures(runs, case, seed: int, keep: Path | None) -> list[np.ndarray]:
 
 def table(rows: list[tuple[str, str, float, float, float, float]]) -> None:
     """Print a row per lamp and per camera in Markdown."""
-    print(
-        "| | photographs | apex, rms | apex over its error, rms | outline, rms | points within the 95 % interval |\n|---|---|---|---|---|---|"
+    heads = (
+        "",
+        "photographs",
+        "apex, rms",
+        "apex over its error, rms",
+        "outline, rms",
+        "points within the 95 % interval",
     )
+    print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     names = [*dict.fromkeys(row[0] for row in rows), *dict.fromkeys(row[1] for row in rows), "all"]
     for name in names:
         mine = [row for row in rows if name in (*row[:2], "all")]
