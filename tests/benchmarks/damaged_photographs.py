@@ -55,7 +55,7 @@ def main() -> int:
     with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C ends it with what it has
         while sum(verdict.kind != "none" for verdict in verdicts) < asked.count:
             try:
-                run = Run(Bench.random(number))
+                run = Run(Bench.random(number, mixed=True))
             except GridError as error:
                 without += 1
                 print(f"bench {number}  has no setup: {error}", flush=True)
