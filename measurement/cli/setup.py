@@ -185,7 +185,9 @@ def _report(made: Setup, kind: str | None, written: str) -> None:
     size = f"{made.magnification:.4f}" + (f" +- {made.magnification_error:.1g}" if made.magnification_error else "")
     say(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
     if made.pitch_error:
-        say(f"The pitch is taken as known to {made.pitch_error:.2%}, and so are all lengths; --grid-pitch takes an error")
+        say(
+            f"The pitch is taken as known to {made.pitch_error:.2%}, and so are all lengths; --grid-pitch takes an error"
+        )
     if kind is None:
         say("The plane is the scale that was given, seen straight on; nothing in the picture checks it")
     else:

@@ -70,7 +70,7 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
 
     \b
     Examples:
-      softmodels curve --material ecoflex-00-30 --material ecoflex-00-30-liao --stretch 1:3
+      softmodels curve --material ecoflex-00-30 --material ecoflex-00-30/marechal-2021 --stretch 1:3
       softmodels curve --material results/fit/fitted.toml --tensile curve.csv --stretch 0.5:6
       softmodels curve --material gent:shear_modulus=20kPa,limit=30 --radius 20mm --thickness 1mm
 

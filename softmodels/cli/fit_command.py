@@ -56,8 +56,9 @@ from softmodels.runs.progress import Progress
 @click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
               help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and the curve's noise. The last two take their "
               "size from the scatter.")  # fmt: skip
-@click.option("--gauge-error", default="0%", show_default=True, metavar="SHARE",
-              help="Standard error of a factor on each test (cross-section, load cell), such as 3%.")  # fmt: skip
+@click.option("--gauge-error", default="auto", show_default=True, metavar="SHARE",
+              help="Standard error of a factor on each test (cross-section, load cell), such as 5%; auto takes 3 % and 1 %, "
+              "3.2 % together; none leaves it out, and with it most of what the intervals have to hold.")  # fmt: skip
 @click.option(
     "--poisson", type=QuantityType(""), default=0.5, show_default=True, help="Poisson's ratio of the fitted material."
 )

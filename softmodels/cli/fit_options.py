@@ -10,7 +10,7 @@ import click
 from measurement.units import UnitError, quantity
 from softmodels.cli.tensile_options import CurveFiles
 from softmodels.fitting.law_parameters import LawChoice, all_parameters
-from softmodels.fitting.options import BENCH, HEIGHTS_FROM, FitOptions
+from softmodels.fitting.options import BENCH, HEIGHTS_FROM, USUAL_GAUGE_ERROR, FitOptions
 from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.problem import Change, FitError, Prior
 
@@ -64,12 +64,18 @@ def fit_options(options: FitGiven, changes: Mapping[str, Change]) -> FitOptions:
         profiles=not options["no_profiles"],
         silicone=options["silicone"],
         stress_error=options["stress_error"],
-        gauge_error=quantity(options["gauge_error"], ""),
+        gauge_error=_gauge_error(options["gauge_error"]),
         free=free_of_bench(options),
         without=options["without"],
         untrusted=options["untrusted"],
         heights_from=options["heights_from"] or "",
     )
+
+
+def _gauge_error(text: str) -> float:
+    """A share, or what is usual."""
+    words = {"auto": USUAL_GAUGE_ERROR, "none": 0.0}
+    return words[text] if text in words else quantity(text, "")
 
 
 def free_of_bench(options: FitGiven) -> tuple[str, ...]:

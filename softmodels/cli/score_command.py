@@ -68,7 +68,7 @@ def score(
 
     \b
     Examples:
-      softmodels score --material ecoflex-00-30 --material ecoflex-00-30/liao-2021 --tensile pull.csv --stretch 1.02:3
+      softmodels score --material ecoflex-00-30 --material ecoflex-00-30/marechal-2021 --tensile pull.csv --stretch 1.02:3
       softmodels score --material results/fit/fitted.toml --tensile other.csv --stress-error 2%+0.5kPa
       softmodels score results/disk/case.toml outlines/ --material results/fit/fitted.toml --material yeoh:c1=14kPa
 

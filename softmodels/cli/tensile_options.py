@@ -50,7 +50,7 @@ def check_curves_given(options: Mapping[str, object]) -> None:
     if options["tensile"]:
         return
     usual = {"columns": "", "gauge_length": None, "cross_section": None, "stretch": None, "radius": None, "thickness": None,
-             "stress_error": "auto", "gauge_error": "0%"}  # fmt: skip
+             "stress_error": "auto", "gauge_error": "auto"}  # fmt: skip
     for name, default in usual.items():
         if options.get(name, default) != default:
             raise TensileError(f"--{name.replace('_', '-')} is about curves; give one with --tensile, or leave it out")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -16,9 +17,17 @@ from softmodels.fitting.problem import Changes, FitError
 
 for _option, _argument in (("fix", "FitOptions.changes of"), ("untrusted", "FitOptions(untrusted=True)")):
     wording.call(_option, _argument)
+wording.call("gauge-error", "FitOptions.gauge_error")
 
 BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
 """Parameters of the bench."""
+
+SECTION_ERROR, LOAD_CELL_ERROR = 0.03, 0.01
+"""Standard errors, as shares, that a test's stress has as a whole unless somebody knows better. The cross-section: ISO 37 lets
+the thickness of one dumb-bell vary by 2 % and measures its width to 0.05 mm, 1 % of it; cast strips are no better. The load
+cell: class 1 of ISO 7500-1."""
+USUAL_GAUGE_ERROR = math.hypot(SECTION_ERROR, LOAD_CELL_ERROR)
+"""What they make together."""
 
 HEIGHTS_FROM = ("shadow", "apex", "undeformed")
 """What heights of a device that hangs under loads may count from: the upper edge of its shadow at zero pressure, its apex
@@ -37,7 +46,8 @@ class FitOptions:
         profiles: Whether the intervals come from profile likelihoods; else from the covariance.
         silicone: Name of the silicone, whose known moduli show pressures in a wrong unit; ``"any"`` if it is in no list.
         stress_error: Standard error of stresses, see `softmodels.fitting.curves.stress_error.StressError.from_text`.
-        gauge_error: Standard error of a factor on each test (cross-section, load cell), a share.
+        gauge_error: Standard error of a factor on each test (cross-section, load cell), a share; 0 for none. A curve alone says
+            nothing of such a factor, so the intervals are too narrow without it.
         free: With a device: what is fitted of bench and device beside the law, see `softmodels.fitting.outlines.bench.Bench`.
         without: With a device: names of photographs that are left out.
         untrusted: With a device: whether measurements are taken that the measurement does not trust.
@@ -51,7 +61,7 @@ class FitOptions:
     profiles: bool = True
     silicone: str | None = None
     stress_error: str = "auto"
-    gauge_error: float = 0.0
+    gauge_error: float = USUAL_GAUGE_ERROR
     free: tuple[str, ...] = BENCH
     without: tuple[str, ...] = ()
     untrusted: bool = False
@@ -81,6 +91,19 @@ class FitOptions:
             raise FitError(f"heights_from is {self.heights_from!r}; it is one of {known}")
         if not 0.0 <= self.gauge_error < 1.0:
             raise FitError(f"a gauge error of {self.gauge_error:g} is not a share between 0 and 100 %")
+
+    @property
+    def gauge_words(self) -> str:
+        """The factor on each test, a clause begun with a comma."""
+        if not self.gauge_error:
+            return ", no factor on the tests (--gauge-error): the intervals leave the errors of cross-section and load cell out"
+        usual = ""
+        if self.gauge_error == USUAL_GAUGE_ERROR:
+            usual = (
+                f" (cross-section {100 * SECTION_ERROR:g} % and load cell {100 * LOAD_CELL_ERROR:g} %, as is usual; "
+                "--gauge-error gives others)"
+            )
+        return f", a factor of 1 +- {100 * self.gauge_error:.3g} % on each test{usual}"
 
     @property
     def loss(self) -> str:

@@ -77,7 +77,8 @@ MATERIALS = {
     "--shear-modulus 30Pa": ["shear modulus", "30 Pa", "units"],
     "--shear-modulus 30MPa": ["shear modulus", "3e+07 Pa", "units"],
     "--shear-modulus 30GPa": ["shear modulus", "3e+10 Pa", "units"],
-    "--material ecoflex-00-30 --c1 7859kPa": ["shear modulus", "1.572e+07 Pa", "units"],
+    "--material yeoh --c1 7859kPa": ["shear modulus", "1.572e+07 Pa", "units"],
+    "--material ecoflex-00-30 --c1 8kPa": ["--c1 would mix", "leave out --c1"],
 }
 OTHERS = {
     "--supply syringe --stroke-ml 0:10": ["--stroke-ml", "one of these"],

@@ -58,12 +58,19 @@ def test_a_table_of_materials_with_margins(runs, tmp_path):
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, *materials, "--working-cm", "10", "--output", tmp_path)
     assert done.status == 0 and done.err == ""
     rows = json.loads((tmp_path / "limit.json").read_text())
-    both = ["ecoflex-00-30/smooth-on", "dragon-skin-20/smooth-on"]
-    assert [row["material"] for row in rows] == ["ecoflex-00-30", "dragon-skin-20", *both]
+    others = [f"ecoflex-00-30/{key}" for key in ("marechal-2021", "sorotoki", "smooth-on")]
+    assert [row["material"] for row in rows] == [
+        "ecoflex-00-30",
+        "dragon-skin-20",
+        *others,
+        "dragon-skin-20/marechal-2021",
+    ]
     # Both ends of what each product's sources say, as computed limits.
-    for soft, stiff in ((rows[0], rows[2]), (rows[1], rows[3])):
-        ends = sorted((row["limit_cm"], row["material"]) for row in (soft, stiff))
-        (text,) = [line for line in done.out.splitlines() if line.startswith(f"{soft['material']} between its softest")]
+    for many in ((rows[0], *rows[2:5]), (rows[1], rows[5])):
+        every = sorted((row["limit_cm"], row["material"]) for row in many)
+        ends = (every[0], every[-1])
+        start = f"{many[0]['material']} over its {len(many)} sources: "
+        (text,) = [line for line in done.out.splitlines() if line.startswith(start)]
         assert (
             all(f"{limit:.4g} cm (" in text and name in text for limit, name in ends) and ends[1][0] > 1.4 * ends[0][0]
         )

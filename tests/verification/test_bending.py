@@ -25,7 +25,7 @@ TUBES = [
     for length in (0.020, 0.035)
 ]  # fmt: skip
 SECTION = (0.006, 0.003, (-0.002, 0.002, 0.006, 0.0085))
-SILICONE = SILICONES["ecoflex-00-30"].material
+SILICONE = SILICONES["ecoflex-00-30/marechal-2021"].material
 DEVICES = {
     "PneuNet": (PneuNet(chambers=2, cell_size=0.004), 600.0),
     "BendingBellows": (BendingBellows(folds=2, cell_size=0.005), 1500.0),

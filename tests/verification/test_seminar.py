@@ -15,7 +15,7 @@ from softmodels.results.fields import Fields
 
 MIRRORED = "the slab, by the mirrored one on the mirrored mesh"
 HALVED = "the full slab, by its half"
-LAW = SILICONES["ecoflex-00-30"].material
+LAW = SILICONES["ecoflex-00-30/marechal-2021"].material
 COARSE = {"channels": 1, "spread": 20.0, "around": 4.0, "cell_size": 0.006}
 PRESSURES = (3e3, 6e3)
 

@@ -170,10 +170,10 @@ class _Task:
         return tuple(laws)
 
     def _alone(self, choice: LawChoice, curve: TensileCurve, scale: float | None) -> FittedLaw:
-        sources, _ = residuals_of([curve], choice, self.error)
+        sources, extra = residuals_of([curve], choice, self.error, self.options.gauge_error)
         changes = self.options.changes_of(choice.names)
         loss = "linear" if scale is None else "soft_l1"
-        fit = fit_law_to_curves(choice, sources, changes=changes, errors=self.errors, loss=loss, scale=scale)
+        fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
         return fitted_alone(choice, fit, curve)
 
 
@@ -183,5 +183,4 @@ def _how(options: FitOptions) -> str:
         "constant": "unweighted least squares on the nominal stress, its error from the scatter",
     }.get(options.stress_error, f"stress error {options.stress_error}")
     robust = ", outliers counted by their size" if options.robust else ""
-    gauge = f", a factor of 1 +- {100 * options.gauge_error:.6g}% on each test" if options.gauge_error else ""
-    return f"{size}{robust}{gauge}; Poisson's ratio {options.poisson:g} is given, not fitted"
+    return f"{size}{robust}{options.gauge_words}; Poisson's ratio {options.poisson:g} is given, not fitted"

@@ -175,7 +175,8 @@ class _Task:
         notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
         robust = ", outliers counted by their size" if self.options.robust else ""
         free = ", ".join(self.options.free) or "nothing"
-        how = f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free}"
+        tests = f"; curves with {self.options.gauge_words.removeprefix(', ')}" if self.curves else ""
+        how = f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free}{tests}"
         report = self._report(trials, notes, how)
         # Solved again where a profile was the last to be asked for, by all ranks together.
         states = {law.choice.name: trials[law.choice.name].source.matches(law.fit.values) for law in report.laws}
