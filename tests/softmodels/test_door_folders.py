@@ -133,7 +133,7 @@ def test_a_branch_is_followed_into_the_folder(twin, tmp_path):
         # To rounding, and not to the last bit: a bifurcation lies where a tangent is singular, and not every processor
         # gives its place twice with the same digits.
         assert one.pop("following") == other["following"]
-        assert one == pytest.approx({name: other[name] for name in one}, rel=1e-7, abs=1e-7)
+        assert one == pytest.approx({name: other[name] for name in one}, rel=1e-7, abs=1e-7, nan_ok=True)
     saved = run.save(tmp_path / "saved")
     for place in (".", "branch"):
         assert texts(tmp_path / "disk" / place) == texts(saved / place)
@@ -253,12 +253,11 @@ def test_what_a_folder_needs_lies_in_it(tmp_path, monkeypatch, runs):
         again = sm.load(folder)
         assert again.rows == into.rows
         monkeypatch.chdir("/")
-        assert pytest.approx(again.at("0.5 kPa").pressure, rel=1e-9) == 500.0
         assert sm.load(again.save(tmp_path / "copy")).rows == into.rows
+    assert again.at("0.5 kPa").pressure == pytest.approx(500.0, rel=1e-9)
+    words = ("-m", "softmodels", "run", "moved/case.toml", "--output", "moved", "--quiet", "--no-pictures")
+    done = runs.run(*words, cwd=tmp_path)
+    assert (done.status, done.err) == (0, "")
     monkeypatch.chdir(tmp_path)
-    quietly = ("--quiet", "--no-pictures")
-    for output, more in (("rerun", ()), ("moved", ("--resume",))):
-        done = runs.run("-m", "softmodels", "run", "moved/case.toml", "--output", output, *quietly, *more, cwd=tmp_path)
-        assert (done.status, done.err) == (0, "")
-        assert sm.load(output).rows == into.rows and (tmp_path / output / "files/pn.msh").is_file()
+    assert sm.load("moved").rows == into.rows and (tmp_path / "moved/files/pn.msh").is_file()
     assert 'file = "files/pn.msh"' in Path("moved/case.toml").read_text()

@@ -101,6 +101,7 @@ def fields_of(thing):
         return {
             field.name: "numbers" if field.metadata["many"] else unit[field.metadata["unit"]]
             for field in dataclasses.fields(thing)
+            if "unit" in field.metadata
         }
     return {name: kind_of(field.kind) for name, field in about(thing).items()}
 
