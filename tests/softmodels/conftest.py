@@ -72,8 +72,9 @@ def same(found, wanted, tolerance):
         if name == "following":
             assert [row[name] for row in found] == [row[name] for row in wanted]
         elif name != "newton_iterations":
-            column = [row[name] for row in wanted]
-            assert [row[name] for row in found] == pytest.approx(
+            assert [row[name] is None for row in found] == [row[name] is None for row in wanted]
+            column = [row[name] or 0.0 for row in wanted]
+            assert [row[name] or 0.0 for row in found] == pytest.approx(
                 column, rel=0, abs=tolerance * max(map(abs, column))
             ), name
 
