@@ -295,7 +295,9 @@ def _check_case_file(path: Path) -> None:
             f"{path} --cavities 'at 10, 0, 4 mm' --support 'x = 0 mm' --pressure-cm 0:10"
         )
     if path.is_dir() and (path / "case.toml").is_file():
-        raise CaseError(f"{path} is a folder of results; its case file is {path / 'case.toml'}")
+        raise CaseError(
+            f"case file {path} cannot be read (it is a folder of results, whose case file is {path / 'case.toml'})"
+        )
     if not path.exists():
         near = ""
         with contextlib.suppress(OSError, ValueError):

@@ -62,7 +62,7 @@ def series(text: object, what: str) -> Typed:
     except UnitError as error:
         cure = _unit_at_the_end(separator, parts) or "write 0:177, 0:177:10 or 0,70,130,177"
         raise SeriesError(f"{what} {brief(text)} is not numbers ({error}); {cure}") from None
-    if below := [value for value in values if value < 0]:
+    if below := [value for value in (values[:2] if separator == ":" else values) if value < 0]:
         raise SeriesError(
             f"{what} {below[0]:g} is below zero; suction is not modelled, so give values from 0 upwards, such as 0,5,10"
         )

@@ -180,7 +180,7 @@ def _tell(message: str) -> None:
 
 def _missing(error: click.MissingParameter) -> str:
     """What to type, where a command was given too little: the examples of its help."""
-    context, said = error.ctx, error.format_message().rstrip(".").replace("Missing", "missing")
+    context, said = error.ctx, error.format_message().rstrip(".")
     if context is None or context.command.help is None:
         return f"{said} (see --help)"
     lines = [" ".join(line.split()) for line in context.command.help.partition("Examples:")[2].splitlines()]

@@ -103,7 +103,7 @@ VOLUMES = {
 CASES = {
     "run": ["FILE"],
     "run none.toml": ["none.toml", "No such file"],
-    "run .": ["directory"],
+    "run .": ["folder"],
     "run words.toml": ["words.toml", "TOML"],
     "run extra.toml": ["extra.toml", "'speed'", "[load]"],
     "run case.toml more": ["'more'"],

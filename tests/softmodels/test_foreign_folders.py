@@ -87,7 +87,7 @@ def unwritten(file, name, secret):
 
 
 @pytest.mark.parametrize("trick", [external, virtual, linked, unwritten])
-@pytest.mark.parametrize("name", ["mesh/points", "steps/0002/displacement", "steps/0003/von_mises_stress"])
+@pytest.mark.parametrize("name", ["mesh/points", "steps/0002/displacement", "steps/0003/largest_stretch"])
 def test_results_show_no_other_files_bytes(theirs, tmp_path, trick, name):
     secret = tmp_path / "secret.bin"
     secret.write_bytes(SECRET)

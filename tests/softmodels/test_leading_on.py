@@ -20,7 +20,7 @@ from softmodels.path.program import ProgramError, _series
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["run"], "missing argument 'FILE'; for example: softmodels run results/disk/case.toml |"),
+        (["run"], "Missing argument 'FILE'; for example: softmodels run results/disk/case.toml |"),
         (["runn"], "there is no command 'runn'; did you mean run?"),
         (["part.step"], "'part.step' is no command; did you mean softmodels run part.step?"),
         (["run", "--device", "PneuNett"], "did you mean PneuNet?"),
@@ -29,7 +29,7 @@ from softmodels.path.program import ProgramError, _series
         (["run", "part.stl"], "device = 'ImportedMesh', file = 'part.stl'"),
         (["run", "csae.toml"], "No such file or directory); did you mean case.toml?"),
         (["run", "other"], "No such file or directory); softmodels examples writes some to begin with"),
-        (["run", "results"], "results is a folder of results; its case file is results/case.toml"),
+        (["run", "results"], "it is a folder of results, whose case file is results/case.toml"),
     ],
 )
 def test_commands_say_what_to_type(words, told, tmp_path, monkeypatch, capsys):
