@@ -19,6 +19,9 @@ from measurement.units import number
 LARGEST = 0.5
 """Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
 
+PITCH_ERROR = 0.002
+"""Standard error of a pitch as a share of it where none is given: printers scale by some tenths of a percent."""
+
 
 @dataclasses.dataclass(frozen=True)
 class PlaneOptions:
@@ -62,12 +65,28 @@ class PlaneOptions:
         Raises:
             SetupError, UnitError: It is none.
         """
-        pitch = texts.length(self.grid_pitch)
+        return self._pitch()[0]
+
+    def pitch_error(self) -> float:
+        """Standard error of the pitch as a share of it: as given, else `PITCH_ERROR`; 0 where no pitch is used.
+
+        Raises:
+            SetupError, UnitError: It is none.
+        """
+        if self.points or self.scale is not None:
+            return 0.0
+        pitch, error = self._pitch()
+        return error / pitch if "+-" in self.grid_pitch.replace("±", "+-") else PITCH_ERROR
+
+    def _pitch(self) -> tuple[float, float]:
+        pitch, error = texts.with_error(self.grid_pitch, texts.length)
         if not pitch > 0.0:
             raise SetupError(f"--grid-pitch must be a positive length, not {self.grid_pitch}")
         if pitch > LARGEST:
             raise SetupError(f"--grid-pitch {self.grid_pitch} is no grid of this kind; write mm for millimetres")
-        return pitch
+        if not 0.0 <= error < pitch:
+            raise SetupError(f"the error in --grid-pitch {self.grid_pitch} must not be negative, and below the pitch")
+        return pitch, error
 
     def plane(self, picture: NDArray[np.uint8], camera: Camera) -> Plane:
         """The plane in a photograph (h, w, 3).

@@ -1,8 +1,9 @@
 """The edge of the shadow between the pixels of the raw photograph.
 
-Across the edge the light follows an error function: lit screen, penumbra, shadow. At many stations along a coarse contour
-a profile across it, averaged over the station's length, gets such a curve by least squares: middle, width, both levels and
-the fall of the lit screen's light. The middle is where half of the lamp is seen. Levels that belong to each profile make
+Across the edge the light falls from the lit screen's through the penumbra to the shadow's. At many stations along a coarse
+contour a profile across it, averaged over the station's length, gets a step by least squares: middle, width, both levels and
+the fall of the lit screen's light. The step is an error function first, and then has the shape that all profiles of the
+photograph have in common (`edge_shape`). Its middle is where half of the lamp is seen. Levels that belong to each profile make
 uneven light harmless, and the light is divided by what the grid's ink lets through before.
 
 Photographs are not warped or resampled for this; only the profiles' few samples lie between pixels.
@@ -18,8 +19,8 @@ from scipy.ndimage import binary_propagation
 from skimage.measure import find_contours
 
 from measurement.camera.pixels import Unmeasurable
-from measurement.edge.erf_fit import fit_erf
-from measurement.edge.ink import Drawn
+from measurement.edge.edge_shape import EdgeShape, Stored, common_shape, gaussian
+from measurement.edge.profile_fit import ProfileFit, fit_profiles
 from measurement.edge.profiles import Profiles, Shading, stations
 
 Array = npt.NDArray[np.float64]
@@ -50,8 +51,7 @@ class Edge:
         error: Standard error of each point along its normal in px, shape (n,).
         width: Standard deviation of the penumbra and blur in px, shape (n,).
         contrast: Share of the local light that the shadow takes away, shape (n,).
-        shape_misfit: Root mean square distance of the profiles' common shape from the curve, over the curve's rise.
-        on_ink: Whether one side of the edge lies mostly on the grid's lines, which blurs that shape.
+        shape: What the profiles across it have in common.
     """
 
     px: Array
@@ -59,8 +59,7 @@ class Edge:
     error: Array
     width: Array
     contrast: Array
-    shape_misfit: float
-    on_ink: bool = False
+    shape: EdgeShape = dataclasses.field(default_factory=gaussian)
 
     def __getitem__(self, chosen: npt.NDArray[np.bool_]) -> Edge:
         names = ("px", "normal", "error", "width", "contrast")
@@ -82,7 +81,7 @@ def coarse_contour(mask: npt.NDArray[np.bool_], share: Array, factor: float, ori
     near = np.where(mask, np.minimum(share, 0.49), np.maximum(share, 0.51))
     contours = find_contours(np.clip(near, 0.0, 1.0), 0.5)
     if not contours:
-        raise Unmeasurable("there is no shadow on the screen")
+        raise Unmeasurable("there is no shadow on the screen; switch the lamp on, and photograph the body in its light")
     longest = max(contours, key=lambda points: float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()))
     return (longest[:, ::-1] + 0.5) * factor - 0.5 + np.array(origin)
 
@@ -108,11 +107,13 @@ def refine_edge(shading: Shading, contour: Array, factor: float) -> Edge:
             break
         reach = 2.0 * reach
     if len(edge.px) < 10:
-        raise Unmeasurable("its edge is nowhere clear enough to be found")
+        raise Unmeasurable(
+            "its edge is nowhere clear enough to be found; photograph it again in focus, with more light and contrast"
+        )
     # The second look follows the first one's edge, so that its profiles need no room for the contour's error.
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
     reach = float(np.clip(4.5 * width + 2.0, 5.0, 250.0))
-    return _edge_in(Profiles.across(shading, edge.px, spacing, reach), shading.drawn)
+    return _edge_in(Profiles.across(shading, edge.px, spacing, reach), shading)
 
 
 def _light_beside(shading: Shading, path: Array, reach: float) -> Array:
@@ -122,35 +123,53 @@ def _light_beside(shading: Shading, path: Array, reach: float) -> Array:
     return path if np.nanmedian(ahead - behind) > 0.0 else path[::-1]
 
 
-def _edge_in(profiles: Profiles, drawn: Drawn | None = None) -> Edge:
+def _edge_in(profiles: Profiles, shading: Shading | None = None) -> Edge:
     """The edge that profiles show, without the stations where it is not clear or something lies on it.
 
     Args:
         profiles: Light across the edge.
-        drawn: As in `Shading`.
+        shading: The photograph, for the shape of its edge and for what ink draws; None for an error function alone.
     """
-    offsets, reach = profiles.offsets, profiles.offsets[-1]
-    fit = fit_erf(offsets, profiles.value, profiles.weight)
-    own, centre = fit.variance, fit.centre
+    shape, fit = gaussian(), fit_profiles(profiles.offsets, profiles.value, profiles.weight)
+    if shading is not None:
+        good = _clear(profiles, fit, fit.centre_error(fit.variance))
+        if good.sum() >= 10:
+            residual = fit.residual / np.maximum(fit.rise, 1e-12)[:, None]
+            shape = common_shape(fit.z[good], residual[good], profiles.weight[good] > 0.9, _stored(shading, fit, good))
+            fit = fit_profiles(profiles.offsets, profiles.value, profiles.weight, shape)
     # Samples closer than a pixel repeat each other's noise.
-    repeat = BETWEEN * max(1.0, 1.0 / (offsets[1] - offsets[0]))
+    repeat = BETWEEN * max(1.0, 1.0 / (profiles.offsets[1] - profiles.offsets[0]))
+    own, centre = fit.variance, fit.centre
     error = fit.centre_error(np.maximum(own, np.median(own)) * repeat)
-    if drawn is not None:
-        shift = fit.centre_shift(fit.top * profiles.drawn(drawn, fit.z, fit.width))
+    if shading is not None and shading.drawn is not None:
+        shift = fit.centre_shift(fit.top * profiles.drawn(shading.drawn, fit.z, fit.width))
         centre, error = centre - shift, np.hypot(error, DRAWN_ERROR * shift)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        contrast = fit.rise / (fit.low + fit.rise + fit.slope * centre)
-    good = (
-        np.isfinite(error) & (fit.rise > 0.0) & (np.abs(centre) < 0.8 * reach) & (profiles.weight.min(axis=1) > 0.0)
-        & (fit.width < 0.7 * reach) & (error < 0.3 * reach) & (contrast > 0.2)
-    )  # fmt: skip
+    good = _clear(profiles, fit, error)
     spoilt = _spoilt(own, fit.width, good)
     if (spoilt & good).sum() < 0.2 * good.sum():
         good &= ~spoilt
-    residual = fit.residual / np.maximum(fit.rise, 1e-12)[:, None]
-    shape = _shape_misfit(fit.z[good], residual[good], profiles.weight[good] > 0.9)
     px = profiles.place + centre[:, None] * profiles.normal
-    return Edge(px[good], profiles.normal[good], error[good], fit.width[good], contrast[good], *shape)
+    return Edge(px[good], profiles.normal[good], error[good], fit.width[good], _contrast(fit)[good], shape)
+
+
+def _contrast(fit: ProfileFit) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(fit.rise / (fit.low + fit.rise + fit.slope * fit.centre))
+
+
+def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> npt.NDArray[np.bool_]:
+    """Stations (n,) at which the edge is clear, by the standard errors (n,) of their middles."""
+    reach = profiles.offsets[-1]
+    return np.asarray(
+        np.isfinite(error) & (fit.rise > 0.0) & (np.abs(fit.centre) < 0.8 * reach) & (profiles.weight.min(axis=1) > 0.0)
+        & (fit.width < 0.7 * reach) & (error < 0.3 * reach) & (_contrast(fit) > 0.2)
+    )  # fmt: skip
+
+
+def _stored(shading: Shading, fit: ProfileFit, good: npt.NDArray[np.bool_]) -> Stored:
+    colour = shading.colour
+    low, high = float(colour.shadow.mean()), float(colour.lit.mean())
+    return Stored(shading.light.astype(np.float64), low, high, float(np.median(fit.width[good])))
 
 
 def _spoilt(variance: Array, width: Array, good: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
@@ -166,18 +185,3 @@ def _local_median(value: Array, window: int = 31) -> Array:
         return np.full_like(value, np.median(value))
     padded = np.pad(value, window // 2, mode="reflect")
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
-
-
-def _shape_misfit(z: Array, residual: Array, clean: npt.NDArray[np.bool_]) -> tuple[float, bool]:
-    """How far the median of all profiles lies from the curve: noise goes, what they have in common stays."""
-    bins = np.floor((z + 3.0) * 4.0).astype(np.int64)
-    # An edge that runs along a grid line, or just beside it, has hardly a sample off the ink on one side; what the ink takes
-    # is known well enough then.
-    sides = (np.abs(z + 1.5) < 1.0, np.abs(z - 1.5) < 1.0)
-    on_ink = any(clean[side].mean() < 0.5 for side in sides if side.any())
-    for counted in (clean, np.ones_like(clean)):
-        chosen = [residual[counted & (bins == number)] for number in range(24)]
-        medians = [np.median(values) for values in chosen if len(values) >= 20]
-        if len(medians) >= 12:
-            return float(np.sqrt(np.mean(np.square(medians)))), on_ink
-    return np.nan, True

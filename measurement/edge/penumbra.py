@@ -34,13 +34,15 @@ def check_light(edge: Edge, view: View) -> None:
     wide = float(np.percentile(width, 90))
     if wide > WIDEST_EDGE:
         raise Unmeasurable(
-            f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {WIDEST_EDGE * 1e6:.0f} um"
+            f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {WIDEST_EDGE * 1e6:.0f} um; "
+            "focus on the screen, take a smaller lamp, or move it away and the body nearer to the screen"
         )
     beside = view.sample(edge.px + 3.0 * edge.width[:, None] * edge.normal)
     blank = float(np.mean((beside > BLANK).any(axis=1)))
     if blank > MOST_BLANK:
         raise Unmeasurable(
-            f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which moves the edge"
+            f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which moves the edge; expose "
+            "it for less time"
         )
 
 
@@ -55,7 +57,8 @@ def check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
     if np.median(part) < PART:
         raise Unmeasurable(
             f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has several "
-            "edges, from a second lamp, a reflection or a double exposure"
+            "edges, from a second lamp, a reflection or a double exposure; leave one lamp on, cover what reflects, and "
+            "photograph it again"
         )
     count = max(FEWEST, len(part) // PIECES)
     level = np.convolve(part, np.ones(count) / count, "valid")

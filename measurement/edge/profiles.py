@@ -106,7 +106,7 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
     keep = np.r_[True, step > 1e-9]
     path, arc = path[keep], np.r_[0.0, np.cumsum(step[step > 1e-9])]
     if len(path) < 5 or arc[-1] < 5.0 * spacing:
-        raise Unmeasurable("the shadow is too small to be measured")
+        raise Unmeasurable("the shadow is too small to be measured; bring the camera nearer")
     s = np.arange(0.5 * spacing, arc[-1], spacing)
 
     def at(along: Array) -> Array:

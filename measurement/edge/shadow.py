@@ -96,10 +96,13 @@ def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
     if colour.contrast < SMALLEST_CONTRAST:
         raise Unmeasurable(
             f"the contrast is too low: the shadow takes away {max(0.0, colour.contrast):.0%} of the screen's light, "
-            f"at least {SMALLEST_CONTRAST:.0%} are needed"
+            f"at least {SMALLEST_CONTRAST:.0%} are needed: darken the room, or bring the body nearer to the screen"
         )
     if (colour.distance(colour.lit) / 2.0) ** 2 < chi_square_limit():
-        raise Unmeasurable("shadow and lit screen differ by no more than the shadow's own scatter")
+        raise Unmeasurable(
+            "shadow and lit screen differ by no more than the shadow's own scatter; darken the room, and photograph it "
+            "again with more light from the lamp"
+        )
     return colour
 
 
@@ -170,7 +173,10 @@ def find_shadow(light: npt.NDArray[np.float32], line_px: float = 0.0, known: Arr
         dark = ~lit & (np.abs(plain - known).max(axis=2) < 0.25 * np.percentile(brightness, 95))
     inner = cv2.erode(dark.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     if inner.sum() < 30 or lit.sum() < 30:
-        raise Unmeasurable("there is no shadow on the screen, or nothing but shadow")
+        raise Unmeasurable(
+            "there is no shadow on the screen, or nothing but shadow; photograph the body in the lamp's light with the "
+            "lit screen around it"
+        )
     levelled = (plain / even[..., None]).astype(np.float64)
     colour = learn_colour(levelled[inner], levelled[cv2.erode(lit.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0])
     share = colour.share(levelled)
@@ -182,12 +188,12 @@ def _only_shadow(dark: Mask) -> Mask:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
     if count < 2 or areas.max() < 100:
-        raise Unmeasurable("there is no shadow on the screen")
+        raise Unmeasurable("there is no shadow on the screen; photograph the body in the lamp's light")
     order = np.argsort(areas)[::-1]
     if len(order) > 1 and areas[order[1]] > max(0.04 * areas[order[0]], 60):
         raise Unmeasurable(
             f"there are several shadows: the second one has {areas[order[1]] / areas[order[0]]:.0%} of the first one's area; "
-            "set a region of interest around the shadow that is meant"
+            "give setup --roi a region around the shadow that is meant"
         )
     mask = labels == order[0] + 1
     outside = cv2.connectedComponents(np.pad(~mask, 1, constant_values=True).astype(np.uint8), connectivity=4)[1]
@@ -217,11 +223,15 @@ def check_exposure(light: npt.NDArray[np.float32]) -> None:
     """
     bright = float(np.percentile(light.mean(axis=2), 90))
     if bright < 0.015:
-        raise Unmeasurable(f"it is underexposed: the screen has {bright:.1%} of the light that the camera can record")
+        raise Unmeasurable(
+            f"it is underexposed: the screen has {bright:.1%} of the light that the camera can record; "
+            "expose it for longer"
+        )
     share = float((light.min(axis=2) > 0.985).mean())
     if share > 0.2:
         raise Unmeasurable(
-            f"it is overexposed: {share:.0%} of the picture is blank white, and there the edge would move"
+            f"it is overexposed: {share:.0%} of the picture is blank white, and there the edge would move; expose it for less "
+            "time"
         )
 
 

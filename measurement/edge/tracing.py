@@ -38,11 +38,14 @@ NOISIEST = 50e-6
 FEWEST_POINTS = 40
 
 AUTO = "auto"
-SYMMETRIC, ASYMMETRIC = 1e-3, 6e-3
-"""Misfit of the edge's mean profile up to which its tone is right for sure, and from which none is known to be right."""
+RIGHT, WRONG = 1.5, 3.5
+"""Misfit of the edge's shape (`edge_shape`) up to which its tone is right, and from which none is known to be right."""
 
-TELLING = 1.5
+TELLING = 1.3
 """Ratio of the misfits from which one tone is right and the other wrong."""
+
+LARGEST_TONE = 0.2
+"""Departure e of the light from the tone curve beyond which it is no camera's."""
 
 TONE_SHIFT, TONE_HARM = 0.4, 5e-6
 """Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
@@ -69,6 +72,7 @@ class Traced:
         coarse: The shadow in the small version.
         roi: Region x0, y0, x1, y1 in px that was looked at.
         tone: How the file stores light.
+        shift_error: Standard error in m of the half light's place, which all points share; part of ``error_px`` too.
         doubts: What speaks against trusting it, one sentence each.
     """
 
@@ -85,6 +89,7 @@ class Traced:
     coarse: CoarseShadow
     roi: tuple[int, int, int, int]
     tone: str
+    shift_error: float = 0.0
     doubts: tuple[str, ...] = ()
 
 
@@ -107,24 +112,27 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "")
     """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is its tone if its edge lies on ink.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
-    by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is symmetric.
+    by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is a lamp's.
     """
     if tone != AUTO:
         return _trace(image, setup, tone)
     first = _trace(image, setup, "srgb")
-    if first.edge.shape_misfit <= SYMMETRIC:
+    if first.edge.shape.misfit <= RIGHT and abs(first.edge.shape.tone) < 0.5 * LARGEST_TONE:
         return first
     second = _trace(image, setup, "linear")
     found = {"srgb": first, "linear": second}
-    best, other = sorted((first, second), key=lambda traced: np.nan_to_num(traced.edge.shape_misfit, nan=np.inf))
+    best, other = sorted((first, second), key=lambda traced: np.nan_to_num(traced.edge.shape.misfit, nan=np.inf))
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
-    if moved <= TONE_HARM or (
-        best.edge.shape_misfit < ASYMMETRIC and other.edge.shape_misfit >= TELLING * best.edge.shape_misfit
-    ):
+    shape = best.edge.shape
+    clear = shape.misfit < WRONG and abs(shape.tone) < LARGEST_TONE
+    if moved <= TONE_HARM or (clear and other.edge.shape.misfit >= TELLING * shape.misfit):
         return best
-    if likely in found and best.edge.on_ink:
+    if likely in found and shape.on_ink:
         return found[likely]
-    doubt = f"the shape of the penumbra does not tell how the file stores light; edges may be {moved * 1e6:.0f} um off"
+    doubt = (
+        f"the shape of the penumbra does not show how the file stores light; edges may be {moved * 1e6:.0f} um off: give "
+        "--tone srgb for a camera's JPEG, --tone linear for numbers in proportion to the light"
+    )
     return dataclasses.replace(best, doubts=(*best.doubts, doubt))
 
 
@@ -151,7 +159,8 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
     edge = edge[view.inside(edge.px)]
     if len(edge.px) < FEWEST_POINTS:
         raise Unmeasurable(
-            f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed"
+            f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed: photograph "
+            "it again with more light and contrast, and with no grid line along the surface"
         )
     check_light(edge, view)
     doubts = [*check_steps(edge, coarse.colour), check_blur(edge, pixel)]
@@ -160,6 +169,9 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
     if touched_by_thread(small, coarse, through, line_px, pixel * factor):
         doubts.append("a thin dark thing (hair, thread, tube, a speck) touches the shadow")
     line = smoothed(edge, LONGEST_BRIDGE / pixel)
+    # Where the half light lies in the edge's shape is not known any better than this, along all of the edge.
+    shift = edge.shape.shift_error * float(np.median(edge.width))
+    line = dataclasses.replace(line, error=np.hypot(line.error, shift))
     points, normals = _on_screen(line, setup)
     screen_error = np.zeros(len(points))
     if look is not None:
@@ -183,6 +195,7 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
         coarse,
         view.roi,
         tone,
+        shift * pixel,
         tuple(doubt for doubt in doubts if doubt is not None),
     )
 
@@ -191,11 +204,12 @@ def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
     height, width = image.shape[:2]
     if (width, height) != (setup.camera.width, setup.camera.height):
         raise Unmeasurable(
-            f"it has {width} x {height} pixels where the setup has {setup.camera.width} x {setup.camera.height}"
+            f"it has {width} x {height} pixels where the setup has {setup.camera.width} x {setup.camera.height}; "
+            "photograph both with the same settings, uncropped"
         )
     x0, y0, x1, y1 = (0, 0, width, height) if setup.roi is None else (round(value) for value in setup.roi)
     if min(x1 - x0, y1 - y0) < 64:
-        raise Unmeasurable("the region of interest is smaller than 64 pixels")
+        raise Unmeasurable("the region of interest is smaller than 64 pixels; give setup --roi a larger one")
     return x0, y0, x1, y1
 
 
@@ -212,13 +226,19 @@ def _on_screen(line: Line, setup: Setup) -> tuple[Array, Array]:
     """
     points = setup.to_metres(line.px)
     if not np.isfinite(points).all():
-        raise Unmeasurable("the shadow lies where the lens correction is not defined")
+        raise Unmeasurable(
+            "the shadow lies where the lens correction is not defined; calibrate with boards up to the picture's "
+            "corners, or aim the camera at the shadow"
+        )
     slope = setup.jacobian(line.px)
     normals = np.linalg.solve(np.swapaxes(slope, 1, 2), line.normal[..., None])[..., 0]
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     typical = float(np.median(setup.error(line.px, line.error, normals)[~line.bridged]))
     if typical > NOISIEST:
-        raise Unmeasurable(f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um")
+        raise Unmeasurable(
+            f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um; photograph it again "
+            "with more light, a lower sensitivity (ISO) or less compression"
+        )
     return points, normals
 
 

@@ -34,8 +34,8 @@ class Outline:
     Attributes:
         x: Places along the undeformed surface in m, rising, shape (n,).
         z: Heights above it in m, shape (n,).
-        error: Standard error of each point across the outline in m, shape (n,): edge, grid fit, lens, magnification and
-            zero line together. Neighbouring points share part of it.
+        error: Standard error of each point across the outline in m, shape (n,): edge, grid fit, lens and zero line
+            together. Neighbouring points share part of it.
         pressure: Pressure in Pa.
         pressure_error: Its standard error in Pa.
         source: Where it comes from, such as the photograph's file name.
@@ -45,6 +45,9 @@ class Outline:
             told from none.
         scale: Width of the body's sides over that at zero pressure; NaN where they are not seen.
         bridged: Which points were not measured but bridge a gap, their errors how far the true outline may lie off, (n,).
+        scale_error: Standard error of all lengths of the run together, as a share of them: the pitch's, the magnification's.
+        level_error: Standard error in m by which all heights of the run may be off together: a lamp or a body that is not
+            level, as far as the photographs do not show it.
 
     Raises:
         OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, or x not sorted.
@@ -61,6 +64,8 @@ class Outline:
     sunk: float = 0.0
     scale: float = math.nan
     bridged: npt.NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=bool))
+    scale_error: float = 0.0
+    level_error: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
@@ -84,6 +89,8 @@ class Outline:
             raise OutlineError(
                 f"{self.source}: the pressure or its standard error is not finite, or the error is negative"
             )
+        if not all(math.isfinite(value) and value >= 0.0 for value in (self.scale_error, self.level_error)):
+            raise OutlineError(f"{self.source}: an error of the scale or the level is not finite, or negative")
         if self.trusted == bool(self.reasons):
             raise OutlineError(f"{self.source}: an outline has reasons exactly where it is not trusted")
 
@@ -123,6 +130,11 @@ class Outline:
         usual = float(np.median(self.error[self._top]))
         return max(usual, float(self.error[self.apex])) if self.bridged[self._top].any() else usual
 
+    @property
+    def whole_error(self) -> float:
+        """Standard error of `height` with what all heights of a run share: the scale's and the level's."""
+        return math.hypot(self.height_error, self.scale_error * self.height, self.level_error)
+
     def measured(self) -> Outline:
         """The outline without the points that were not measured; itself if there are none."""
         if not self.bridged.any():
@@ -139,6 +151,8 @@ class Outline:
             f"source = {' '.join(self.source.split())}",
             f"sunk_m = {self.sunk:.4g}",
             *([f"scale = {self.scale:.7g}"] if math.isfinite(self.scale) else []),
+            f"scale_error = {self.scale_error:.4g}",
+            f"level_error_m = {self.level_error:.4g}",
             f"trusted = {'yes' if self.trusted else 'no'}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
         ]
@@ -176,10 +190,11 @@ class Outline:
             pressure, pressure_error = number(notes["pressure_Pa"]), number(notes["pressure_error_Pa"])
             sunk = number(notes.get("sunk_m", "0"))
             scale = number(notes["scale"]) if "scale" in notes else math.nan
+            scale_error, level_error = (number(notes.get(name, "0")) for name in ("scale_error", "level_error_m"))
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except UnitError as error:
-            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa, sunk_m or scale: {error}") from None
+            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale or an error: {error}") from None
         points = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trusted = notes.get("trusted", "no") == "yes"
         if not trusted and not reasons:
@@ -196,6 +211,8 @@ class Outline:
             sunk,
             scale,
             points[:, 3] > 0.0,
+            scale_error,
+            level_error,
         )
 
 

@@ -24,6 +24,9 @@ BOUND = 10e-6
 OTHER_BODY = 0.5
 """Share of its width by which a body's shadow may be larger or smaller."""
 
+CONTRADICTS = 4.0
+"""Standard errors by which the body's width and the setup's own scale may differ."""
+
 SHARE = 0.2
 """Share of a body's own widening by which an outline may lie off the common course."""
 
@@ -88,5 +91,12 @@ def with_known_body(setup: Setup, zero: ZeroLine, width: float, error: float = 0
             "body or another unit, or the setup's magnification is far off"
         )
     spread = math.hypot(error / width, zero.sides.error / zero.sides.width)
+    if setup.magnification_error > 0.0 and abs(scale - 1.0) > CONTRADICTS * math.hypot(spread, setup.scale_error):
+        raise SetupError(
+            f"the body seems {zero.sides.width * 1e3:.4g} mm wide by the grid's pitch and the lamp's distance, where "
+            f"--body-width has {width * 1e3:.4g} mm: they differ by {scale - 1.0:+.2%} and are known to "
+            f"{math.hypot(spread, setup.scale_error):.2%}; measure the pitch over many lines, the distances and the width again"
+        )
     magnified = setup.magnification * scale
-    return dataclasses.replace(setup, magnification=magnified, magnification_error=magnified * spread)
+    # The width is the unit of length now: a wrong pitch is in the magnification.
+    return dataclasses.replace(setup, magnification=magnified, magnification_error=magnified * spread, pitch_error=0.0)

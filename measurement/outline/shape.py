@@ -66,16 +66,24 @@ def check_top(placed: Array, above: Mask, upwards: Array, error: Array) -> None:
     standing = placed[top, 1] > max(10.0 * error[top], 3.0 * ON_SURFACE)
     if standing and upwards[max(0, top - 3) : top + 4].mean() < 0.5:
         raise Unmeasurable(
-            "the shadow's highest place is no rounded top: it hangs from above, or something is in the light"
+            "the shadow's highest place is no rounded top: it hangs from above, or something is in the light; clear it "
+            "away, turn the picture upright before setup and photos, or leave it out with setup --roi"
         )
     if standing and min(top - kept[0], kept[-1] - top) < 5:
-        raise Unmeasurable("the outline ends at its highest point: part of it is hidden or outside of the picture")
+        raise Unmeasurable(
+            "the outline ends at its highest point: part of it is hidden or outside of the picture; aim the camera at "
+            "all of it, and clear away what hides it"
+        )
     if not standing and np.median(upwards[above]) < 0.5:
         raise Unmeasurable(
-            "what lies on the surface's line is no level edge: the actuator has moved or is not in the picture"
+            "what lies on the surface's line is no level edge: the actuator has moved or is not in the picture; "
+            "photograph it at zero pressure again and list that"
         )
     if placed[above, 1].max() - placed[above, 1].min() > 2.0 * np.ptp(placed[above, 0]):
-        raise Unmeasurable("the shadow stands more than twice as high as it is wide: this is no inflated surface")
+        raise Unmeasurable(
+            "the shadow stands more than twice as high as it is wide: this is no inflated surface; leave out what else "
+            "throws a shadow with setup --roi"
+        )
 
 
 def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> tuple[float, float, str | None]:
@@ -101,7 +109,8 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
     seen = (placed[:, 0] >= zero.extent[0]) & (placed[:, 0] <= zero.extent[1])
     if not seen.any():
         raise Unmeasurable(
-            "the shadow lies beside the surface at zero pressure: the actuator has moved, or the zero is wrong"
+            "the shadow lies beside the surface at zero pressure: the actuator has moved, or the zero is wrong; "
+            "photograph it at zero pressure again and list that"
         )
     low, high = placed[seen, 0].min(), placed[seen, 0].max()
     reach = ENDS * (high - low)
@@ -121,7 +130,7 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
         return sunk, 0.0, None
     sentence = (
         f"beside the bulge the surface lies {abs(worst) * 1e3:.2f} mm {'above' if worst > 0.0 else 'below'} the zero plane: "
-        "the actuator, the lamp or the camera has moved since the zero was taken"
+        "the actuator, the lamp or the camera has moved since the zero was taken; photograph it at zero pressure again"
     )
     if abs(worst) > max(DISPLACED, tolerance):
         raise Unmeasurable(sentence)
@@ -143,7 +152,7 @@ def check_corners(placed: Array) -> str | None:
     if turn > CORNER:
         raise Unmeasurable(
             f"the edge has a corner of {turn:.0f} degrees {placed[place, 1] * 1e3:.1f} mm above the surface: a second thing "
-            "(hair, tube, drop, finger) merges with the shadow, or hides part of it"
+            "(hair, tube, drop, finger) merges with the shadow, or hides part of it; take it away and photograph it again"
         )
     if turn > CREASE:
         return (

@@ -13,9 +13,10 @@ import numpy.typing as npt
 
 from measurement.camera.pixels import Unmeasurable
 from measurement.outline.sides import Sides
-from measurement.robust import deviation
+from measurement.robust import deviation, robust_fit
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 STEEPEST = 20.0
 """Largest angle in degrees between the surface and the screen's horizontal."""
@@ -24,6 +25,20 @@ STRAIGHT = 60e-6
 """Half width in m of the band in which a flat surface's edge must lie."""
 
 FEWEST = 30
+
+STEEP, SMALLEST_PIECE = 0.35, 0.25
+"""Cosine of the angle between an edge's normal and the screen's vertical from which it is a side, and the share of all level
+points that the body's surface has at least."""
+
+BAND, CORNERS = 250e-6, 0.97
+"""Distance in m from the line, and share of the body's radius, within which its edge is looked at for a bow."""
+
+BOWED, FINEST = 20e-6, 1e-6
+"""Bow in m of the surface from which the lamp or the body is not level, and the least error of a bow."""
+
+HIDDEN, LEVEL = 2.0, 0.1
+"""Where the body's sides are not in the picture: the true bow over the one that is seen, and the standard error in degrees by
+which the lamp may have been moved, for the body's radius that is seen at least."""
 
 KIN = 10.0
 """Neighbouring points that err together (dust, ripples of the skin), for the error of the line."""
@@ -43,6 +58,7 @@ class ZeroLine:
         tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
         doubts: What speaks against trusting it, one sentence each.
         sides: The body's sides below it; None where the photograph does not show both.
+        level_error: Standard error in m of all heights above it by a lamp or a body that is not level; see `checked_level`.
     """
 
     origin: Array
@@ -54,6 +70,7 @@ class ZeroLine:
     tone: str = ""
     doubts: tuple[str, ...] = ()
     sides: Sides | None = None
+    level_error: float = 0.0
 
     @property
     def normal(self) -> Array:
@@ -83,9 +100,13 @@ class ZeroLine:
         Raises:
             Unmeasurable: No upper side, or one that is not straight: the actuator is inflated or is not lying flat.
         """
-        upper = normals[:, 1] > np.cos(np.radians(STEEPEST))
+        level = normals[:, 1] > np.cos(np.radians(STEEPEST))
+        upper = _surface(points, normals, level)
         if upper.sum() < FEWEST:
-            raise Unmeasurable("the shadow has no level upper side from which heights could be counted")
+            raise Unmeasurable(
+                "the shadow has no level upper side from which heights could be counted; photograph the undeformed body "
+                "upright, or give two points of its surface to setup --zero"
+            )
         points, errors = points[upper], errors[upper]
         direction, middle = _best_pair(points)
         rest = np.zeros(len(points))
@@ -103,10 +124,15 @@ class ZeroLine:
         if straight.mean() < 0.8 or scatter > 0.5 * STRAIGHT:
             raise Unmeasurable(
                 "the surface is not straight, so that it cannot be the undeformed one: "
-                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line"
+                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line; let the pressure "
+                "off, level body and lamp, leave out what else throws a shadow with setup --roi, or give two points "
+                "of the surface to setup --zero"
             )
         if abs(direction[1]) > np.sin(np.radians(STEEPEST)):
-            raise Unmeasurable(f"the undeformed surface is inclined by more than {STEEPEST:.0f} degrees")
+            raise Unmeasurable(
+                f"the undeformed surface is inclined by more than {STEEPEST:.0f} degrees: level the body, or turn the grid "
+                "with it"
+            )
         along = points[straight] @ direction
         count = max(2.0, straight.sum() / KIN)
         typical = float(np.hypot(scatter, np.median(errors)))
@@ -122,6 +148,80 @@ class ZeroLine:
     def error_at(self, x: Array) -> Array:
         """Standard error in m of the surface's height at x (n,)."""
         return np.hypot(self.error, self.slope_error * (x - self.centre))
+
+
+def checked_level(line: ZeroLine, placed: Array, upwards: Array) -> ZeroLine:
+    """The line with what the edge's bow has against it, and with the error of the level that the bow leaves.
+
+    Light that does not run along the surface of a round body throws the shadow of its rim: the half of an ellipse, whose
+    height is the body's radius times the angle between the two. The bulge in the middle is then measured from the rim in place
+    of the surface, and seems lower by that height. A body that leans and a lamp above or below the surface do the same.
+
+    Args:
+        line: The undeformed surface, with the body's sides.
+        placed: Measured edge as x along the surface and z above it in m, shape (n, 2).
+        upwards: Cosine of the angle between the way to the light and the surface's normal, shape (n,).
+    """
+    mine = (np.abs(placed[:, 1]) < BAND) & (upwards > np.cos(np.radians(STEEPEST)))
+    mine &= (placed[:, 0] >= line.extent[0]) & (placed[:, 0] <= line.extent[1])
+    x, z = placed[mine].T
+    middle, half = 0.5 * sum(line.extent), 0.5 * (line.extent[1] - line.extent[0])
+    radius = half if line.sides is None else 0.5 * line.sides.width
+    away = (x - middle) / radius
+    if len(x) < FEWEST:
+        return line
+    if line.sides is None:
+        profile = 1.0 - away**2
+    else:
+        # At the corners the smoothed edge is round already.
+        inner = np.abs(away) < CORNERS
+        x, z, away = x[inner], z[inner], away[inner]
+        profile = np.sqrt(1.0 - away**2)
+    terms = np.column_stack([np.ones(len(x)), away, profile])
+    fit = robust_fit(terms, z, 8)
+    spread = float(np.linalg.inv(terms.T @ terms)[2, 2])
+    bow, error = float(fit.coefficients[2]), float(np.hypot(fit.scatter * np.sqrt(KIN * spread), FINEST))
+    left = float(np.hypot(max(bow, 0.0), error))
+    level = left if line.sides is not None else float(np.hypot(HIDDEN * left, np.radians(LEVEL) * radius))
+    doubts = line.doubts
+    if bow > max(BOWED, 4.0 * error):
+        angle = np.degrees(bow / radius)
+        doubts = (
+            *doubts,
+            f"the undeformed surface bows up by {bow * 1e6:.0f} um towards its middle, as the rim of a round body does where "
+            f"the lamp or the body is {angle:.1f} degrees or more off the level: heights come out too small by that much or "
+            "more; bring the lamp to the height of the surface, level the body and photograph all again",
+        )
+    return dataclasses.replace(line, doubts=doubts, level_error=level)
+
+
+def _surface(points: Array, normals: Array, level: Mask) -> Mask:
+    """Which level points (n,) are the body's surface and not what it stands on.
+
+    A body on a table has the table's edge on both sides of it, lower, with the body's sides between. So the edge is cut where
+    it runs down a side, and the highest piece of some length is the surface, with those that lie on its line.
+
+    Args:
+        points: Edge in m, in order along it, shape (n, 2).
+        normals: As of `ZeroLine.fit`.
+        level: Which points lie on a level edge, shape (n,).
+    """
+    steep = normals[:, 1] < STEEP
+    piece = np.cumsum(np.r_[False, steep[1:] != steep[:-1]])
+    sizes = np.bincount(piece[level], minlength=piece[-1] + 1)
+    long = np.flatnonzero(sizes >= max(FEWEST, SMALLEST_PIECE * level.sum()))
+    if not len(long):
+        return level
+    heights = [float(np.median(points[level & (piece == number), 1])) for number in long]
+    highest = level & (piece == long[int(np.argmax(heights))])
+    direction, middle = _best_pair(points[highest])
+    off = (points - middle) @ np.array([-direction[1], direction[0]])
+    found = highest.copy()
+    for number in np.flatnonzero(sizes):
+        mine = level & (piece == number)
+        if np.median(off[mine]) > -STRAIGHT:
+            found |= mine
+    return np.asarray(found)
 
 
 def _best_pair(points: Array) -> tuple[Array, Array]:

@@ -61,17 +61,24 @@ def check_movement(look: GridLook, magnification: float, pixel: float) -> float:
     if look.seen < GRID_SEEN or len(look.shift) < FEWEST:
         raise Unmeasurable(
             f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
-            "moved, the picture is turned or mirrored, or the grid cannot be seen"
+            "moved, the picture is turned or mirrored, or the grid cannot be seen; photograph the grid again and run setup anew"
         )
     moved, rest = (value / magnification for value in movement(look))
+    if not np.isfinite(moved):
+        raise Unmeasurable(
+            "too few of the grid's lines are seen beside the shadow, along one of their two directions, to check whether the "
+            "camera has moved; show more of the grid, or take one with a smaller pitch"
+        )
     if not moved <= max(MOVED, MOVED_PX * pixel):
         raise Unmeasurable(
             f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
-            "picture is turned, mirrored, cropped or too noisy"
+            "picture is turned, mirrored, cropped or too noisy; photograph the grid again from where the camera stands "
+            "now and run setup anew"
         )
     if not rest <= max(GRID_REST, GRID_REST_PX * pixel):
         raise Unmeasurable(
             f"the grid's lines lie {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
-            "see them, the screen has bent, or this is another setup"
+            "see them, the screen has bent, or this is another setup; clean and flatten the screen, and photograph "
+            "grid and body again"
         )
     return moved

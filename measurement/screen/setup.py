@@ -42,6 +42,7 @@ class Setup:
         plane: The screen.
         magnification: Size of the shadow over the size of the object.
         magnification_error: Its standard error.
+        pitch_error: Standard error of the printed pitch, and so of all lengths on the screen, as a share of it.
         zero: Two points (2, 2) in m, as `to_metres` gives them, on the undeformed surface; None where unknown.
         roi: Region of interest as x0, y0, x1, y1 in px of the photograph; None for all of it.
         grid_pitch: Distance of the grid's lines in m; None where the screen's points were given.
@@ -52,6 +53,7 @@ class Setup:
     plane: Plane
     magnification: float = 1.0
     magnification_error: float = 0.0
+    pitch_error: float = 0.0
     zero: Points | None = None
     roi: tuple[float, float, float, float] | None = None
     grid_pitch: float | None = None
@@ -65,6 +67,8 @@ class Setup:
                 f"the magnification {self.magnification:g} +- {self.magnification_error:g} tells no size; its error must be "
                 "smaller than itself"
             )
+        if not 0.0 <= self.pitch_error < 1.0:
+            raise SetupError(f"the pitch's error must be a share from 0 to 1 of the pitch, not {self.pitch_error:g}")
         if self.grid_pitch is not None:
             self._check_pitch(self.grid_pitch)
         if self.zero is not None:
@@ -97,6 +101,16 @@ class Setup:
                 f"screen in {max(width, height)} px; the setup is in m"
             )
 
+    @property
+    def scale_error(self) -> float:
+        """Standard error of all lengths together, as a share of them: the magnification's and the pitch's."""
+        return math.hypot(self.magnification_error / self.magnification, self.pitch_error)
+
+    @property
+    def exact_scale(self) -> Setup:
+        """This setup with a scale that has no error, for errors of points against each other."""
+        return dataclasses.replace(self, magnification_error=0.0, pitch_error=0.0)
+
     def to_metres(self, raw_px: ArrayLike) -> Points:
         """Points (n, 2) of the object's plane in m for pixels (n, 2) of the photograph."""
         return self.plane.to_metres(self.camera.undistort(raw_px)) / self.magnification
@@ -121,7 +135,7 @@ class Setup:
         normal: ArrayLike | None = None,
         about: ArrayLike | None = None,
     ) -> Points:
-        """Standard error (n,) in m of points on an edge: edge, lens, grid fit and magnification together.
+        """Standard error (n,) in m of points on an edge: edge, lens, grid fit and scale together.
 
         Args:
             raw_px: Points (n, 2) in px of the photograph.
@@ -142,7 +156,7 @@ class Setup:
         spread += (self.plane.systematic / self.magnification) ** 2 * np.eye(2)
         if about is None:
             about = np.zeros(2) if self.zero is None else self.zero.mean(axis=0)
-        arm = (self.to_metres(raw) - np.asarray(about, dtype=float)) * (self.magnification_error / self.magnification)
+        arm = (self.to_metres(raw) - np.asarray(about, dtype=float)) * self.scale_error
         spread += arm[:, :, None] * arm[:, None, :]
         if normal is None:
             return np.sqrt(np.trace(spread, axis1=1, axis2=2) / 2.0)
@@ -156,6 +170,7 @@ class Setup:
             "version": VERSION,
             "magnification": float(self.magnification),
             "magnification_error": float(self.magnification_error),
+            "pitch_error": float(self.pitch_error),
         }
         if self.grid_pitch is not None:
             table["grid_pitch"] = float(self.grid_pitch)
@@ -212,6 +227,7 @@ class Setup:
             plane=_plane(table["plane"]),
             magnification=_float(table.get("magnification", 1.0)),
             magnification_error=_float(table.get("magnification_error", 0.0)),
+            pitch_error=_float(table.get("pitch_error", 0.0)),
             zero=None if table.get("zero") is None else numbers(table["zero"]),
             roi=None if roi is None else (_float(roi[0]), _float(roi[1]), _float(roi[2]), _float(roi[3])),
             grid_pitch=None if table.get("grid_pitch") is None else _float(table["grid_pitch"]),

@@ -62,16 +62,22 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
             "nothing tells the undeformed surface: list a photograph at zero pressure, or give two points of it to the setup "
             "(--zero)"
         )
-    reasons = []
+    reasons, doubted = [], []
     for photo in candidates:
         try:
             line = find_zero(photo.file, setup, tone)
-            # A surface that lies along a grid line does not tell how the camera stores light; a bent one does.
-            return find_zero(photo.file, setup, clear_tone(photographs, setup)) if line.doubts else line
+            if line.doubts:
+                # A surface that lies along a grid line does not show how the camera stores light; a bent one does.
+                line = find_zero(photo.file, setup, clear_tone(photographs, setup) if tone == AUTO else tone)
+            if not line.doubts:
+                return line
+            doubted.append(line)  # another photograph at zero may be better
         except Unmeasurable as error:
             reasons.append(f"{photo.file.name}: {error}")
         except Exception as error:  # as in `_measure_one`
             reasons.append(f"{photo.file.name}: {_unforeseen(error)}")
+    if doubted:
+        return doubted[0]
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
 
 

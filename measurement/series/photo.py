@@ -19,7 +19,7 @@ from measurement.outline.outline import Outline, OutlineError
 from measurement.outline.ripples import check_ripples, unsure
 from measurement.outline.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
 from measurement.outline.sides import BAND, sides_of
-from measurement.outline.zero import ZeroLine
+from measurement.outline.zero import ZeroLine, checked_level
 from measurement.screen.setup import Setup
 
 Array = npt.NDArray[np.float64]
@@ -70,11 +70,15 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
 
 def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     """`find_zero` of an edge that has been traced already."""
-    errors = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
+    errors = np.hypot(setup.exact_scale.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
     seen = ~traced.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
-    sides = sides_of(line.place(traced.points[seen]), traced.normals[seen] @ line.normal, errors[seen])
-    return dataclasses.replace(line, tone=traced.tone, doubts=traced.doubts, sides=sides)
+    placed, upwards = line.place(traced.points[seen]), traced.normals[seen] @ line.normal
+    error = float(np.hypot(line.error, traced.shift_error))
+    line = dataclasses.replace(
+        line, error=error, tone=traced.tone, doubts=traced.doubts, sides=sides_of(placed, upwards, errors[seen])
+    )
+    return checked_level(line, placed, upwards)
 
 
 def outline_of(
@@ -91,7 +95,8 @@ def outline_of(
     above = placed[:, 1] > -np.maximum(BELOW * error, ON_SURFACE)
     if above.sum() < FEWEST_POINTS:
         raise Unmeasurable(
-            "the shadow lies below the surface at zero pressure: the actuator has moved, or the zero is wrong"
+            "the shadow lies below the surface at zero pressure: the actuator has moved, or the zero is wrong; photograph it "
+            "at zero pressure again and list that"
         )
     check_top(placed, above, upwards, error)
     sunk, moved, displaced = displacement(placed, upwards, error, zero)
@@ -110,7 +115,10 @@ def outline_of(
     sunken = ~above & ~traced.bridged
     above &= ~_rounded(placed, upwards)
     if above.sum() < FEWEST_POINTS:
-        raise Unmeasurable("between the body's two sides too little of its surface is seen")
+        raise Unmeasurable(
+            "between the body's two sides too little of its surface is seen; bring the camera nearer, or photograph it "
+            "again with all of its surface in the light"
+        )
     kept = np.flatnonzero(above)
     inner = slice(kept[0], kept[-1] + 1)
     # A surface that has sunk as a whole, or beside the bulge, is no dent.
@@ -134,14 +142,19 @@ def outline_of(
             sunk,
             scale,
             traced.bridged[order],
+            setup.scale_error,
+            zero.level_error,
         )
     except OutlineError as problem:
         raise Unmeasurable(str(problem)) from None
 
 
 def _placing_error(traced: Traced, setup: Setup, zero: ZeroLine, placed: Array, upwards: Array) -> Array:
-    """Standard errors (n,) in m of an edge above the surface: edge, screen, surface and a camera that has moved."""
-    error = np.hypot(setup.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
+    """Standard errors (n,) in m of an edge above the surface: edge, screen, surface and a camera that has moved.
+
+    What all lengths and heights of a run share, the scale's error and the level's, is the outline's own.
+    """
+    error = np.hypot(setup.exact_scale.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
     error = np.hypot(error, zero.error_at(placed[:, 0]) * np.abs(upwards))
     if np.isfinite(traced.moved):
         # What the grid's own reading leaves uncertain is in the plane's error already; only more than that has moved.
@@ -172,7 +185,8 @@ def _check_rim(traced: Traced, zero: ZeroLine) -> None:
     coarse = float(np.median(np.linalg.norm(np.diff(traced.rim, axis=0), axis=1))) if len(traced.rim) > 1 else 0.0
     if height.max() > RIM + 2.0 * coarse:
         raise Unmeasurable(
-            f"the shadow touches the frame or the region of interest {height.max() * 1e3:.1f} mm above the surface"
+            f"the shadow touches the frame or the region of interest {height.max() * 1e3:.1f} mm above the surface; widen "
+            "setup --roi, or aim the camera so that light is seen all round the bulge"
         )
 
 
@@ -204,7 +218,8 @@ def _check_dents(placed: Array, sunken: npt.NDArray[np.bool_]) -> None:
         if length > GAP:
             raise Unmeasurable(
                 f"over {length * 1e3:.1f} mm the surface lies up to {-placed[start:stop, 1].min() * 1e3:.2f} mm below the "
-                "undeformed one: it is dented or drawn in; only what rises above that surface is measured"
+                "undeformed one: it is dented or drawn in; only what rises above that surface is measured: raise the pressure, "
+                "or photograph the zero again with the body as it is now"
             )
 
 
@@ -228,7 +243,7 @@ def _gaps(
     lengths[~(above[seen[1:]] | above[seen[:-1]])] = 0.0
     if lengths.max(initial=0.0) > LARGEST_GAP:
         words = f"the outline has a gap of {lengths.max() * 1e3:.1f} mm where no edge is clear"
-        raise Unmeasurable("; ".join([words, *doubts]))
+        raise Unmeasurable("; ".join([words, *doubts, "clear away what hides it and photograph it again"]))
     top = int(np.argmax(placed[:, 1]))
     found = []
     for at in np.flatnonzero(lengths > TOP_GAP):

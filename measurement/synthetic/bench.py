@@ -33,8 +33,14 @@ class Bench:
     sinks: float
 
     @classmethod
-    def random(cls, seed: int) -> Bench:
-        """The bench of a seed; every other one shows the body's sides."""
+    def random(cls, seed: int, mixed: bool = False) -> Bench:
+        """The bench of a seed; every other one shows the body's sides.
+
+        Args:
+            seed: Its seed.
+            mixed: Whether lamps are frosted bulbs, discs and squares in turn, and cameras plain ones, ones with an S curve
+                and phones that sharpen too; plain cameras and frosted bulbs else.
+        """
         rng = np.random.default_rng([2013, seed])
         scene = Scene(
             width=1250, height=820, focal_px=2850.0, pixel_size=28e-6, tilt=rng.uniform(-5.0, 15.0),
@@ -45,6 +51,10 @@ class Bench:
             blur=rng.uniform(0.7, 1.3), noise=rng.uniform(1.0, 3.0), dust=int(rng.integers(0, 6)),
             jpeg_quality=int(rng.integers(88, 98)), srgb=True,
         )  # fmt: skip
+        if mixed:
+            curve, sharpening = ((0.0, 0.0), (0.2, 0.0), (0.15, 0.8))[seed // 3 % 3]
+            lamp = ("gaussian", "disc", "square")[seed % 3]
+            scene = dataclasses.replace(scene, lamp=lamp, s_curve=curve, sharpening=sharpening)
         seen = bool(seed % 2)
         half_width = rng.uniform(12.5e-3, 14.5e-3) if seen else 0.2
         radius = rng.uniform(9e-3, 11e-3) if seen else rng.uniform(9e-3, 13e-3)

@@ -65,7 +65,7 @@ class Run:
         self.bench, self.truth = bench, truth_of(bench.scene)
         self.heights = [share * bench.top for share in SHARES]
         self.grid = photograph(bench.scene, None, 1000 * bench.seed)[0]
-        self.setup = self._setup(bench.scene.distortion)
+        self.setup = self._setup(bench.scene.distortion, 1.0)
         self.pictures = [self._picture(number, Change("")) for number in range(len(SHARES))]
         self.good = self._measured(self.pictures, self.setup)
 
@@ -99,7 +99,8 @@ class Run:
         pictures = list(self.pictures)
         if scope == SETUP:
             try:
-                setup = self._setup(change.lens or ())
+                lens = self.bench.scene.distortion if change.lens is None else change.lens
+                setup = self._setup(lens, change.pitch)
             except GridError as error:
                 refusal = Refusal(str(error), Path())
                 yield from (self._verdict(kind, change, number, refusal, setup) for number in numbers)
@@ -119,10 +120,11 @@ class Run:
             outcomes[number] = self._outcome(picture, self.good.setup, self.good.zero, number)
         return outcomes
 
-    def _setup(self, lens: tuple[float, ...]) -> Setup:
+    def _setup(self, lens: tuple[float, ...], pitch: float) -> Setup:
         scene = self.bench.scene
         camera = Camera(self.truth.matrix, lens_of(lens), scene.width, scene.height, "known", 0.0)
-        return Setup(camera, find_grid(self.grid, camera, scene.grid_pitch).plane(camera), grid_pitch=scene.grid_pitch)
+        length = pitch * scene.grid_pitch
+        return Setup(camera, find_grid(self.grid, camera, length).plane(camera), grid_pitch=length, pitch_error=0.002)
 
     def _picture(self, number: int, change: Change) -> Pixels:
         polygon = self.bench.polygon(self.heights[number] * change.height)

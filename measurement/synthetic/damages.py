@@ -140,6 +140,12 @@ def wrong_lens(target: Target, rng: np.random.Generator) -> Change:
     return Change(f"k1 off by {off:+.3f}", lens=(true[0] + off, *true[1:]))
 
 
+def wrong_pitch(target: Target, rng: np.random.Generator) -> Change:
+    """The setup is given another pitch than the grid has."""
+    off = float(rng.choice([-1.0, 1.0])) * rng.uniform(0.005, 0.03)
+    return Change(f"pitch off by {off:+.1%}", pitch=1.0 + off)
+
+
 KINDS: dict[str, tuple[str, Damage]] = {
     "glint": (ONE, glint),
     "water drop on the lens": (ONE, water_drop),
@@ -168,8 +174,9 @@ KINDS: dict[str, tuple[str, Damage]] = {
     "second lamp": (SERIES, second_lamp),
     "screen bulging after the setup": (SERIES, screen_bulge),
     "wrong lens": (SETUP, wrong_lens),
+    "wrong pitch": (SETUP, wrong_pitch),
 }
 """Every kind of damage: what it falls on, and what it does."""
 
-NEEDS_SIDES = {kind for kind, (_, damage) in KINDS.items() if damage is scaled}
+NEEDS_SIDES = {kind for kind, (_, damage) in KINDS.items() if damage in (scaled, wrong_pitch)}
 """Kinds that only the body's width tells; where its sides are not in the picture, nothing does."""

@@ -62,6 +62,7 @@ class Change:
         scene: Numbers of the scene that are others.
         stored: Change of the stored picture.
         lens: Coefficients that the setup's camera is wrongly given; None for the true ones.
+        pitch: Pitch that the setup is given over the true one.
     """
 
     what: str
@@ -72,6 +73,7 @@ class Change:
     scene: dict[str, Any] = dataclasses.field(default_factory=dict)
     stored: Stored | None = None
     lens: tuple[float, ...] | None = None
+    pitch: float = 1.0
 
 
 def glint(target: Target, rng: np.random.Generator) -> Change:
@@ -171,7 +173,7 @@ def second_lamp(target: Target, rng: np.random.Generator) -> Change:
         scene = truth.scene
         rays = Rays(truth.matrix, truth.distortion, truth.homography, scene.width, scene.height)
         first, second = (
-            shadowed(rays, shape * scene.magnification, scene.penumbra, scene.ambient)
+            shadowed(rays, shape * scene.magnification, scene.penumbra, scene.ambient, scene.lamp)
             for shape in (target.outline, target.outline + by)
         )
         return light * ((1.0 - share) * first + share * second) / first

@@ -102,8 +102,26 @@ def lamp(width: int, height: int, unevenness: float) -> Image:
     return (1.0 - 0.5 * unevenness * (x[None, :] ** 2 + y[:, None] ** 2)).astype(np.float32)
 
 
-def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float) -> Image:
-    """Share of light (h, w) beside and in the shadow of a polygon (k, 2) on the screen in m."""
+def _seen_of_gaussian(z: Array) -> Array:
+    return np.asarray(ndtr(z))
+
+
+def _seen_of_disc(z: Array) -> Array:
+    # What a chord at the distance t from a disc's middle cuts off; its standard deviation is half of its radius.
+    t = np.clip(0.5 * z, -1.0, 1.0)
+    return np.asarray(0.5 + (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) / np.pi)
+
+
+def _seen_of_square(z: Array) -> Array:
+    return np.asarray(np.clip(0.5 + z / np.sqrt(12.0), 0.0, 1.0))
+
+
+LAMPS = {"gaussian": _seen_of_gaussian, "disc": _seen_of_disc, "square": _seen_of_square}
+"""Share of a lamp that is seen at distances from the shadow's edge in standard deviations of its penumbra."""
+
+
+def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float, lamp: str = "gaussian") -> Image:
+    """Share of light (h, w) beside and in the shadow of a polygon (k, 2) on the screen in m; the lamp is one of `LAMPS`."""
     height, width = rays.size
     outline = Outline(polygon, spacing=penumbra / 2)
     rows, columns = np.meshgrid(
@@ -120,7 +138,7 @@ def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float) -> Ima
     for part in range(0, len(y), 500_000):
         piece = slice(part, part + 500_000)
         places = rays.at(y[piece].astype(float), x[piece].astype(float))
-        share[y[piece], x[piece]] = ndtr(outline.distance(places) / penumbra)
+        share[y[piece], x[piece]] = LAMPS[lamp](outline.distance(places) / penumbra)
     return np.float32(ambient) + np.float32(1.0 - ambient) * share
 
 

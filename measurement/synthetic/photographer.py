@@ -19,7 +19,19 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import ExifTags
 from PIL import Image as Files
 
-from measurement.synthetic.light import Array, Image, Rays, bent, gridded, lamp, screen, shadowed, speck, straightened
+from measurement.synthetic.light import (
+    LAMPS,
+    Array,
+    Image,
+    Rays,
+    bent,
+    gridded,
+    lamp,
+    screen,
+    shadowed,
+    speck,
+    straightened,
+)
 
 
 class SceneError(ValueError):
@@ -47,6 +59,7 @@ class Scene:
         unevenness: Share of light missing in the picture's corners.
         ambient: Share of light that reaches the shadow.
         penumbra: Standard deviation of the shadow's edge on the screen.
+        lamp: Shape of the lamp: ``gaussian`` (a frosted bulb), ``disc`` or ``square`` (with its sides along the edge).
         blur: Standard deviation of the lens' blur in px.
         noise: Standard deviation of the sensor's noise, of 255.
         dust: Number of dust specks.
@@ -54,6 +67,9 @@ class Scene:
         magnification: Size of the shadow over that of the outline, about the screen's (0, 0).
         srgb: Whether light is stored with the tone curve of sRGB (IEC 61966-2-1), as cameras do in JPEG files; values
             are proportional to light otherwise.
+        s_curve: Share of the smooth step 3 v^2 - 2 v^3 in what the camera stores for the number v, for more contrast.
+        sharpening: Amount of an unsharp mask on the stored numbers, as phones apply it.
+        sharpening_radius: Its standard deviation in px.
     """
 
     width: int = 1200
@@ -78,6 +94,10 @@ class Scene:
     jpeg_quality: int | None = 95
     magnification: float = 1.0
     srgb: bool = False
+    lamp: str = "gaussian"
+    s_curve: float = 0.0
+    sharpening: float = 0.0
+    sharpening_radius: float = 1.5
 
     def __post_init__(self) -> None:
         positive = (
@@ -93,6 +113,8 @@ class Scene:
         for name in positive:
             if not getattr(self, name) > 0:
                 raise SceneError(f"{name} must be positive, not {getattr(self, name)}")
+        if self.lamp not in LAMPS:
+            raise SceneError(f"lamp must be one of {', '.join(LAMPS)}, not {self.lamp!r}")
         if len(self.distortion) > 5:
             raise SceneError("a scene's lens has at most the five coefficients k1, k2, p1, p2, k3")
 
@@ -182,7 +204,7 @@ def photograph(
     light = gridded(rays, scene.grid_pitch, scene.line_width, scene.line_grey)
     light *= lamp(scene.width, scene.height, scene.unevenness)
     shadows = [
-        shadowed(rays, _polygon(shape) * scene.magnification, scene.penumbra, scene.ambient)
+        shadowed(rays, _polygon(shape) * scene.magnification, scene.penumbra, scene.ambient, scene.lamp)
         for shape in ([] if outline is None else [outline, *things])
     ]
     if shadows:
@@ -195,6 +217,13 @@ def photograph(
         light = cv2.GaussianBlur(light, (0, 0), scene.blur)
     if scene.srgb:
         light = np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055)
+    light = np.asarray(light, dtype=np.float32)
+    if scene.s_curve > 0.0:
+        number = np.clip(light * np.float32(scene.brightness / 255.0), 0.0, 1.0)
+        step = number * number * (3.0 - 2.0 * number)
+        light = light * (1.0 - scene.s_curve + scene.s_curve * step / np.maximum(number, 1e-6))
+    if scene.sharpening > 0.0:
+        light = light + scene.sharpening * (light - cv2.GaussianBlur(light, (0, 0), scene.sharpening_radius))
     picture = np.empty((scene.height, scene.width, 3), dtype=np.uint8)
     # A lamp's white is a little warm and what fills the shadow a little cold: colours differ, edges do not.
     for channel, (warm, cold) in enumerate(((1.0, -1.5), (0.98, 0.0), (0.93, 2.0))):

@@ -58,10 +58,11 @@ def faults_of(outline: Outline, bench: Bench, truth: Truth, setup: Setup, height
     found = []
     apex = float(np.max(bench.surface(np.linspace(-bench.radius, bench.radius, 4001), height)))
     off = outline.height - apex
-    if abs(off) > max(WRONG, TIMES * outline.height_error):
-        found.append(f"apex {off * 1e6:+.0f} +- {outline.height_error * 1e6:.1f} um")
+    if abs(off) > max(WRONG, TIMES * outline.whole_error):
+        found.append(f"apex {off * 1e6:+.0f} +- {outline.whole_error * 1e6:.1f} um")
     rest = across(bench, truth, setup, outline, height)
-    far = np.abs(rest) > np.maximum(WRONG, TIMES * outline.error)
+    stated = np.sqrt(outline.error**2 + (outline.scale_error * outline.z) ** 2 + outline.level_error**2)
+    far = np.abs(rest) > np.maximum(WRONG, TIMES * stated)
     if far.mean() > SHARE:
         worst = int(np.argmax(np.abs(rest)))
         found.append(f"{far.mean():.0%} of the outline, up to {rest[worst] * 1e6:+.0f} um")

@@ -10,7 +10,7 @@ import pytest
 from measurement.camera.camera import Camera
 from measurement.outline.outline import Outline
 from measurement.outline.scaling import doubts, with_known_body
-from measurement.outline.sides import sides_of
+from measurement.outline.sides import Sides, sides_of
 from measurement.outline.zero import ZeroLine
 from measurement.screen.plane import Plane
 from measurement.screen.setup import Setup, SetupError
@@ -79,3 +79,16 @@ def test_a_known_width_gives_the_magnification():
         with_known_body(setup, zero, 30e-6)
     with pytest.raises(SetupError, match="does not show both sides"):
         with_known_body(setup, RIGHT, 30e-3)
+
+
+def test_a_width_that_contradicts_pitch_and_distances_is_refused():
+    zero = ZeroLine.through(np.array([[-0.01, 0.0], [0.01, 0.0]]))
+    zero = dataclasses.replace(zero, sides=Sides(-1e-3, 30.6e-3, 0.0, 2e-6))
+    corners = np.array([[0, 0], [100, 0], [100, 100], [0, 100], [50, 50]], dtype=float)
+    setup = Setup(Camera.ideal(200, 200), Plane.fit(corners, corners * 1e-4, 0.01), grid_pitch=9e-3)
+    known = dataclasses.replace(setup, magnification=1.02, magnification_error=0.001, pitch_error=0.002)
+    with pytest.raises(SetupError, match=r"differ by \+2.00%.*measure the pitch"):
+        with_known_body(known, zero, 30e-3)
+    # With no distance given nothing contradicts it, and the width is the unit of length.
+    free = with_known_body(dataclasses.replace(known, magnification=1.0, magnification_error=0.0), zero, 30e-3)
+    assert (free.magnification, free.pitch_error) == (pytest.approx(1.02), 0.0)

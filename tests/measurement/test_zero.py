@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 
 from measurement.camera.camera import Camera
 from measurement.camera.pixels import Unmeasurable
-from measurement.outline.zero import ZeroLine
+from measurement.outline.sides import Sides
+from measurement.outline.zero import ZeroLine, checked_level
 from measurement.screen.plane import Plane
 from measurement.screen.setup import Setup
 from measurement.series import measuring as series
@@ -70,6 +72,62 @@ def test_surfaces_that_are_no_zero():
         ZeroLine.fit(points, -normals, errors)
     with pytest.raises(Unmeasurable, match="not straight"):
         ZeroLine.fit(*surface(noise=1e-4))
+
+
+def on_table(depth, top_share, seed=0):
+    """Points, normals and errors of a body's top, its sides and the table on which it stands, in order along the edge."""
+    rng = np.random.default_rng(seed)
+    half = 20e-3 * top_share
+    pieces = [
+        (np.linspace(-20e-3, -half, 200), np.full(200, -depth), (0.0, 1.0)),
+        (np.full(80, -half), np.linspace(-depth, 0.0, 80), (-1.0, 0.0)),
+        (np.linspace(-half, half, 300), np.zeros(300), (0.0, 1.0)),
+        (np.full(80, half), np.linspace(0.0, -depth, 80), (1.0, 0.0)),
+        (np.linspace(half, 20e-3, 200), np.full(200, -depth), (0.0, 1.0)),
+    ]
+    points = np.vstack([np.column_stack([x, z]) for x, z, _ in pieces]) + 2e-6 * rng.normal(size=(860, 2))
+    normals = np.vstack([np.tile(normal, (len(x), 1)) for x, _, normal in pieces])
+    return points, normals, np.full(860, 2e-6)
+
+
+@pytest.mark.parametrize("top_share", [0.4, 0.6, 0.9])
+def test_a_body_on_a_table_counts_from_its_own_top(top_share):
+    line = ZeroLine.fit(*on_table(8e-3, top_share))
+    assert line.place(np.array([[0.0, 0.0]]))[0, 1] == pytest.approx(0.0, abs=1e-6)
+    assert line.extent[1] == pytest.approx(20e-3 * top_share, abs=1e-4)
+
+
+@pytest.mark.parametrize(("angle", "seen"), [(0.0, 1.0), (0.3, 1.0), (0.6, 0.8), (-0.3, 0.95)])
+def test_the_bow_of_a_round_body_shows_that_it_is_not_level(angle, seen):
+    """The shadow of a disk's rim is half an ellipse, as high as the radius times the angle between surface and light."""
+    radius = 15e-3
+    x = np.linspace(-seen * radius, seen * radius, 400)
+    true = radius * abs(np.tan(np.radians(angle)))
+    z = true * np.sqrt(1.0 - np.clip(x / radius, -0.9999, 0.9999) ** 2) + 1e-6 * np.random.default_rng(0).normal(
+        size=400
+    )
+    sides = Sides(-2e-3, 2.0 * radius, 0.0, 1e-6) if seen == 1.0 else None
+    line = ZeroLine.fit(np.column_stack([x, z]), np.tile([0.0, 1.0], (400, 1)), np.full(400, 1e-6))
+    line = checked_level(dataclasses.replace(line, sides=sides), line.place(np.column_stack([x, z])), np.ones(400))
+    if angle == 0.0:
+        assert line.doubts == ()
+        assert line.level_error < 3e-6
+    else:
+        assert "level the body" in line.doubts[0]
+        # Not wrong and trusted by three stated errors, where the body's ends are not seen either.
+        assert line.level_error > true / 2.5
+        assert sides is None or line.level_error == pytest.approx(true, rel=0.05)
+
+
+def test_another_photograph_at_zero_stands_in_for_a_doubtful_one(monkeypatch):
+    good, bad = (ZeroLine.through(np.array([[0.0, 0.0], [0.01, 0.0]])) for _ in range(2))
+    bad = dataclasses.replace(bad, doubts=("a hair",))
+    monkeypatch.setattr(series, "find_zero", lambda file, *_: bad if file.name == "a.jpg" else good)
+    corners = np.array([[0.0, 0.0], [699.0, 0.0], [699.0, 466.0], [0.0, 466.0]])
+    setup = Setup(Camera.ideal(700, 467), Plane.fit(corners, corners * 4e-5, 0.1))
+    photos = [Photograph(Path(name), 0.0, 1.0) for name in ("a.jpg", "b.jpg")]
+    assert series.zero_line(photos, setup, "srgb") is good
+    assert series.zero_line(photos[:1], setup, "srgb") is bad
 
 
 def test_an_unforeseen_failure_is_one_sentence(monkeypatch):

@@ -20,10 +20,10 @@ LEAK_ERROR = 0.02
 """Prior of the leak: share of the largest pressure lost there."""
 
 SCALE_ERROR = 0.005
-"""Prior of the unit of length: a board's pitch, a magnification."""
+"""Prior of the unit of length (a board's pitch, a magnification) where the outlines state no error of it."""
 
 ZERO_ERROR = 20e-6
-"""Prior of the zero plane's height in m."""
+"""Prior of the zero plane's height in m, or the outlines' error of the level where that is more."""
 
 PRESSURE_SCALE_ERROR = DENSITY_ERROR / WATER_DENSITY
 """Prior of the unit of pressure: a column's density is one number for all readings."""
@@ -69,12 +69,14 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
     width = model.silhouette.width
     centre = float(np.median([shape.centre for shape in shapes]))
     tops = source.most
+    scale = max(shape.scale_error for shape in shapes) or SCALE_ERROR
+    level = max(ZERO_ERROR, *(shape.level_error for shape in shapes))
     made = {
         "pressure_offset": Parameter("pressure_offset", "Pa", 0.0, -tops, tops, Prior(0.0, reading)),
         "pressure_scale": Parameter("pressure_scale", "", 0.0, -0.5, 0.5, Prior(0.0, PRESSURE_SCALE_ERROR)),
         "leak": Parameter("leak", "", 0.0, -0.5, 0.5, Prior(0.0, LEAK_ERROR)),
-        "scale": Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, SCALE_ERROR)),
-        "zero": Parameter("zero", "m", 0.0, -width, width, Prior(0.0, ZERO_ERROR)),
+        "scale": Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, scale)),
+        "zero": Parameter("zero", "m", 0.0, -width, width, Prior(0.0, level)),
         "centre": Parameter("centre", "m", centre, centre - width, centre + width),
         "poisson": Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
         **{

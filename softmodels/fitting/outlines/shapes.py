@@ -71,6 +71,8 @@ class Shape:
         pressure_error: Its standard error in Pa.
         height: Height of the top in m.
         centre: Where along x the middle of its area is, in m.
+        scale_error: Standard error of all lengths together, as a share of them; 0 where none is stated.
+        level_error: Standard error in m of all heights together.
     """
 
     source: str
@@ -82,6 +84,8 @@ class Shape:
     pressure_error: float
     height: float
     centre: float
+    scale_error: float = 0.0
+    level_error: float = 0.0
 
     @property
     def name(self) -> str:
@@ -192,7 +196,7 @@ def _shape(outline: Outline, part: slice, run: float) -> Shape:
     centre = float(np.trapezoid(x * np.maximum(z, 0.0), x) / np.trapezoid(np.maximum(z, 0.0), x))
     return Shape(
         outline.source, np.column_stack([x, z])[pick], error[pick], bins, weight, outline.pressure,
-        outline.pressure_error, outline.height, centre,
+        outline.pressure_error, outline.height, centre, outline.scale_error, outline.level_error,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Error functions through light profiles, by weighted least squares on all profiles at once."""
+"""Steps of one shape through light profiles, by weighted least squares on all profiles at once."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import erf
 
+from measurement.edge.edge_shape import EdgeShape, gaussian
 from measurement.robust import deviations
 
 Array = npt.NDArray[np.float64]
@@ -17,8 +17,8 @@ ROUNDS, REWEIGHTED = 14, (5, 9)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ErfFit:
-    """Curves low + (rise + slope u) Phi((u - centre) / width) over the offset u, one for each of n profiles of k samples.
+class ProfileFit:
+    """Curves low + (rise + slope u) S((u - centre) / width) over the offset u, one for each of n profiles of k samples.
 
     Attributes:
         low: Light in the shadow, shape (n,).
@@ -62,22 +62,24 @@ class ErfFit:
         return np.linalg.solve(self.matrix, pull[..., None])[:, 3, 0]
 
 
-def fit_erf(offsets: Array, profile: Array, weight: Array) -> ErfFit:
-    """Fit an error function to each profile, by Gauss-Newton steps.
+def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape | None = None) -> ProfileFit:
+    """Fit a step to each profile, by Gauss-Newton steps.
 
     Args:
         offsets: Places of the samples in px, rising and symmetric about 0, shape (k,).
         profile: Light there, shape (n, k).
         weight: Weights of the samples, shape (n, k).
+        shape: The step's shape; None for an error function.
     """
+    shape = gaussian() if shape is None else shape
     u, reach = offsets[None, :], offsets[-1]
     parameters = _first_guess(offsets, profile)
     robust = np.ones_like(profile)
     for turn in range(ROUNDS):
         low, rise, slope, centre, width = parameters
         z = (u - centre[:, None]) / width[:, None]
-        phi = 0.5 * (1.0 + erf(z / np.sqrt(2.0)))
-        bell = np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi)
+        phi = shape(z)
+        bell = shape.slope(z)
         top = rise[:, None] + slope[:, None] * u
         residual = profile - low[:, None] - top * phi
         terms = np.stack([np.ones_like(phi), phi, u * phi, -top * bell / width[:, None], -top * bell * z], axis=-1)
@@ -90,7 +92,7 @@ def fit_erf(offsets: Array, profile: Array, weight: Array) -> ErfFit:
         step = np.linalg.solve(matrix, np.einsum("nki,nk->ni", weighted, residual)[..., None])[..., 0]
         parameters = _stepped(parameters, np.where(np.isfinite(step), step, 0.0), reach)
     low, rise, slope, centre, width = parameters
-    return ErfFit(low, rise, slope, centre, width, z, top, residual, weight * robust, weighted, matrix)
+    return ProfileFit(low, rise, slope, centre, width, z, top, residual, weight * robust, weighted, matrix)
 
 
 def _first_guess(offsets: Array, profile: Array) -> tuple[Array, ...]:

@@ -1,0 +1,70 @@
+"""Photographs of an independent renderer: lamps as discs and squares, cameras with an S curve, phones that sharpen.
+
+The whole of the campaign, with its figures, is ``tests/benchmarks/traced_photographs.py``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from measurement.edge.tracing import trace_image
+from measurement.outline.outline import Outline
+from measurement.series.photo import zero_of
+
+
+def _beside(name):
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+runs = _beside("traced_runs")
+
+
+def small(seed, lamp, camera, **body):
+    """A run in a small picture, with fewer points on its lamp."""
+    case = runs.random_case(seed, lamp, camera)
+    lamp = dataclasses.replace(case.bench.lamp, points=200)
+    bench = dataclasses.replace(
+        case.bench, lamp=lamp, size=(720, 460), pixel=32e-6, pitch=3.5e-3, ink=0.3, falloff=0.15, looks_at=(0.0, 0.0)
+    )
+    top = runs.rays.Body(4e-3, 8e-3, floor=-3e-3, pitch=2.2)
+    return dataclasses.replace(case, bench=bench, body=dataclasses.replace(top, **body))
+
+
+@pytest.mark.parametrize(
+    ("seed", "lamp", "camera"),
+    [(0, "disc", "srgb"), (4, "square", "s curve"), (6, "disc", "phone"), (9, "disc", "linear")],
+)
+def test_lamps_and_cameras_of_other_kinds_are_trusted_and_right(seed, lamp, camera, monkeypatch):
+    monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
+    case = small(seed, lamp, camera)
+    setup, (outline,) = runs.measured(case, runs.pictures_of(case, seed))
+    assert isinstance(outline, Outline), outline.reason
+    assert outline.trusted, outline.reasons
+    off = runs.across(case, setup, outline, case.body.height)
+    assert np.sqrt(np.mean(off**2)) < 7e-6
+    assert abs(outline.height - case.body.height) < max(3.0 * outline.height_error, 3e-6)
+    assert outline.height_error < 8e-6
+    assert np.mean(np.abs(off) < 3.0 * outline.error) > 0.95
+
+
+def test_a_round_body_that_leans_is_not_trusted():
+    lamp = runs.rays.Lamp("disc", 6e-3, points=80)
+    case = small(0, "disc", "srgb", width=9.5e-3, depth=9.5e-3, lean=0.6)
+    bench = dataclasses.replace(case.bench, lamp=lamp, screen_distance=20e-3)
+    case = dataclasses.replace(case, bench=bench)
+    setup = runs.setup_of(case, runs.rays.photograph(bench, case.sensor, None, 1))
+    flat = runs.rays.photograph(bench, case.sensor, dataclasses.replace(case.body, height=0.0), 2)
+    zero = zero_of(trace_image(flat, setup, case.sensor.tone), setup)
+    true = 9.5e-3 * np.tan(np.radians(0.6))
+    assert any("bows up" in doubt and "level the body" in doubt for doubt in zero.doubts)
+    assert zero.level_error == pytest.approx(true, rel=0.25)

@@ -1,0 +1,146 @@
+"""Random runs of ray-traced photographs, measured as a user's would be, and how far their outlines lie off.
+
+A run is a photograph of the grid, one of the undeformed body and some of the raised one, all by the independent renderer of
+`ray_tracer`. Lamps are discs, squares and frosted bulbs; cameras store light by sRGB's curve, by one with an S curve on top,
+in proportion, or as a phone does, which sharpens as well.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from measurement.camera.camera import Camera
+from measurement.camera.pixels import Unmeasurable
+from measurement.edge.tracing import AUTO, trace_image
+from measurement.outline.outline import Outline
+from measurement.outline.scaling import with_known_body
+from measurement.screen.grid import find_grid
+from measurement.screen.setup import Setup
+from measurement.series.measuring import Result, judged
+from measurement.series.photo import Refusal, outline_of, zero_of
+from measurement.series.photo_list import Photograph
+
+
+def _beside(name: str):
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    module = importlib.util.module_from_spec(spec)
+    sys.modules.setdefault(name, module)
+    if sys.modules[name] is module:
+        spec.loader.exec_module(module)
+    return sys.modules[name]
+
+
+rays = _beside("ray_tracer")
+
+LAMPS, CAMERAS = ("disc", "square", "gaussian"), ("srgb", "s curve", "phone", "linear")
+SHARES = (0.0, 0.35, 0.7, 1.0)
+"""Heights of a run's photographs over the highest."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A run before it is photographed: lamp and camera by name, bench, sensor, and the body at its highest."""
+
+    lamp: str
+    camera: str
+    bench: rays.Bench
+    sensor: rays.Sensor
+    body: rays.Body
+
+
+def random_case(seed: int, lamp: str | None = None, camera: str | None = None) -> Case:
+    """The run of a seed."""
+    rng = np.random.default_rng([31, seed])
+    lamp, camera = lamp or LAMPS[seed % 3], camera or CAMERAS[seed // 3 % 4]
+    far, near = rng.uniform(0.8, 3.0), rng.uniform(20e-3, 45e-3)
+    spread = rng.uniform(40e-6, 90e-6) * far / near  # standard deviation of the lamp itself
+    size = {"disc": 4.0, "square": np.sqrt(12.0), "gaussian": 1.0}[lamp] * spread
+    bench = rays.Bench(
+        lamp=rays.Lamp(lamp, size, rng.uniform(0.0, 45.0)), lamp_distance=far, screen_distance=near,
+        pixel=rng.uniform(24e-6, 30e-6), aside=rng.uniform(-25.0, 25.0), above=rng.uniform(-5.0, 15.0),
+        turned=rng.uniform(-2.0, 2.0), looks_at=(rng.uniform(-1e-3, 1e-3), rng.uniform(0.0, 1.5e-3)),
+        pitch=float(rng.choice([4.5e-3, 3.5e-3])), line=rng.uniform(0.3e-3, 0.6e-3), ink=rng.uniform(0.15, 0.4),
+        ambient=rng.uniform(0.05, 0.2), falloff=rng.uniform(0.0, 0.3),
+    )  # fmt: skip
+    phone = camera == "phone"
+    sensor = rays.Sensor(
+        blur=rng.uniform(0.7, 1.3), exposure=rng.uniform(0.3, 0.75), noise=rng.uniform(0.004, 0.012),
+        tone="linear" if camera == "linear" else "srgb",
+        s_curve=rng.uniform(0.05, 0.3) if camera in ("s curve", "phone") else 0.0,
+        sharpening=rng.uniform(0.3, 1.2) if phone else 0.0, radius=rng.uniform(0.8, 2.0),
+        quality=int(rng.integers(88, 98)),
+    )  # fmt: skip
+    sides = bool(rng.integers(0, 2))
+    height, dome, width = rng.uniform(3e-3, 7e-3), rng.uniform(8e-3, 10e-3), rng.uniform(11e-3, 12e-3)
+    # What is beside the bulge shows whether the body has moved, so some of it stays in the picture.
+    dome, width = (min(dome, 0.76 * width), width) if sides else (dome, 0.2)
+    floor, pitch = rng.uniform(-5.5e-3, -4.5e-3), rng.uniform(1.5, 3.0)
+    # Nobody lays the surface along a grid line, which hides it.
+    line = bench.pitch * np.rint(floor / bench.pitch)
+    floor = floor if abs(floor - line) > 0.6e-3 else line - 1.1e-3
+    body = rays.Body(height, dome, width, floor=floor, pitch=pitch)
+    return Case(lamp, camera, bench, sensor, body)
+
+
+def pictures_of(case: Case, seed: int) -> list[np.ndarray]:
+    """The grid's photograph, and those of the body at `SHARES` of its height."""
+    bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in SHARES)]
+    return [rays.photograph(case.bench, case.sensor, body, 100 * seed + k) for k, body in enumerate(bodies)]
+
+
+def setup_of(case: Case, grid: np.ndarray) -> Setup:
+    """The setup by the grid's photograph, with the lamp's distance as it is."""
+    camera = Camera.ideal(*case.bench.size, case.bench.focal)
+    plane = find_grid(grid, camera, case.bench.pitch).plane(camera)
+    return Setup(camera, plane, case.bench.magnification, grid_pitch=case.bench.pitch)
+
+
+def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None, tone: str = AUTO):
+    """Setup and outcomes (`Outline` or `Refusal`) of a run's photographs, judged together."""
+    setup = setup or setup_of(case, pictures[0])
+    raised = list(pictures[2:])
+    try:
+        flat = trace_image(pictures[1], setup, tone)
+        if flat.doubts:  # as `measuring.zero_line` does
+            flat = trace_image(pictures[1], setup, trace_image(raised[-1], setup, tone).tone)
+        zero = zero_of(flat, setup)
+        if zero.sides is not None:
+            before, setup = setup, with_known_body(setup, zero, 2.0 * case.body.width)
+            points = flat.points * (before.magnification / setup.magnification)
+            zero = zero_of(dataclasses.replace(flat, points=points), setup)
+    except Unmeasurable as error:
+        return setup, [Refusal(f"zero: {error}", Path())] * len(raised)
+    results = []
+    for k, picture in enumerate(raised, 1):
+        photo = Photograph(Path(f"{k}"), 1000.0 * k, 5.0)
+        try:
+            traced = trace_image(picture, setup, tone, likely=zero.tone)
+            outcome = outline_of(traced, setup, zero, photo.pressure, photo.pressure_error, photo.file.name)
+        except Unmeasurable as error:
+            outcome = Refusal(str(error), photo.file)
+        results.append(Result(photo, outcome, f"{k}"))
+    return setup, [result.outcome for result in judged(results)]
+
+
+def across(case: Case, setup: Setup, outline: Outline, height: float) -> np.ndarray:
+    """Distances (n,) in m of an outline's points from the true one, square to it, wherever it stands along x."""
+    body = dataclasses.replace(case.body, height=height)
+    x = outline.x + _aside(case, setup)
+    aside, rest = 0.0, np.zeros(len(x))
+    for _ in range(8):
+        slope = (body.rise(x - aside + 5e-6) - body.rise(x - aside - 5e-6)) / 10e-6
+        lever = slope / np.sqrt(1.0 + slope**2)
+        rest = (outline.z - body.rise(x - aside)) / np.sqrt(1.0 + slope**2)
+        aside -= float(np.clip(lever @ rest / max(lever @ lever, 1e-9), -2e-4, 2e-4))
+    return rest
+
+
+def _aside(case: Case, setup: Setup) -> float:
+    """X in m of the setup's origin, which is a crossing of its own, seen in the body's plane."""
+    at = case.bench.on_screen(setup.to_pixels([[0.0, 0.0]]))[0, 0]
+    return float(np.rint(at / case.bench.pitch) * case.bench.pitch) / case.bench.magnification
