@@ -12,11 +12,12 @@ import io
 import itertools
 import re
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
-from measurement.user_file import TEXT, UserFileError, read_file
+from measurement.user_file import CHUNK, TEXT, UserFileError, read_file
 
 type Line = tuple[int, list[str]]
 """A row's number in its file or sheet, from 1, and its cells."""
@@ -25,6 +26,9 @@ SEPARATORS = (";", "\t", ",")
 """Tried in this order: a decimal comma is taken for a separator last."""
 MAX_ROWS, MAX_COLUMNS = 1_048_576, 256
 """Of a sheet; the rows are Excel's own limit. Cells further right are not read."""
+MAX_TAGS = 500_000
+"""Of a row, a shared text or what else of a workbook is held in memory at once; a full row of Excel has 120,000."""
+_ENDS = re.compile(rb"</(?:\w+:)?(?:row|si)>")
 ZIP, OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """First bytes of a workbook, and of one in the format before 2007 or with a password."""
 ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
@@ -164,13 +168,21 @@ def _workbook(path: Path, data: bytes) -> list[Sheet]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             size = sum(member.file_size for member in archive.infolist())
-    except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError):
+            if size > TEXT:
+                raise UserFileError(
+                    path,
+                    f"unpacked, its sheets have {size / 1e6:.4g} MB, and at most {TEXT / 1e6:g} MB are read; save it as CSV",
+                )
+            for member in archive.infolist():
+                with archive.open(member) as part:
+                    if _is_too_dense(part):
+                        raise UserFileError(
+                            path, f"a row of its sheets, or its styles, have over {MAX_TAGS:g} parts; save it as CSV"
+                        )
+    except UserFileError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, OSError):
         raise broken from None
-    if size > TEXT:
-        raise UserFileError(
-            path,
-            f"unpacked, its sheets have {size / 1e6:.4g} MB, and at most {TEXT / 1e6:g} MB are read; save it as CSV",
-        )
     try:
         read = _read_workbook(data, True)
         unknown = {(name, *place) for name, (_, empty) in read.items() for place in empty}
@@ -183,6 +195,21 @@ def _workbook(path: Path, data: bytes) -> list[Sheet]:
         if (cell := formulas[name].get(row, {}).get(column, "")).startswith("="):
             read[name][0].setdefault(row, {})[column] = cell
     return [Sheet(name, "", functools.partial(_in_rows, cells)) for name, (cells, _) in read.items()]
+
+
+def _is_too_dense(part: IO[bytes]) -> bool:
+    """Whether a part of a workbook has so many tags and attributes in a row that its tree would fill the memory."""
+    count = 0
+    while chunk := part.read(CHUNK):
+        *rows, rest = _ENDS.split(chunk)
+        for row in rows:
+            if count + row.count(b"<") + row.count(b"=") > MAX_TAGS:
+                return True
+            count = 0
+        count += rest.count(b"<") + rest.count(b"=")
+        if count > MAX_TAGS:
+            return True
+    return False
 
 
 type Cells = dict[int, dict[int, str]]

@@ -45,8 +45,8 @@ def table(tmp_path, data):
 SHEET = "xl/worksheets/sheet1.xml"
 BOOK = workbook(["a", "b"], [1, 2.5])
 LAUGHS = (
-    "<!DOCTYPE x [<!ENTITY a 'ha'>"
-    + "".join(f"<!ENTITY {b} '{f'&{a};' * 10}'>" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
+    f"<!DOCTYPE x [<!ENTITY a '{'ha' * 100}'>"
+    + "".join(f"<!ENTITY {b} '{f'&{a};' * 10}'>" for a, b in zip("abcdef", "bcdefg", strict=True))
     + "]>"
 )
 
@@ -63,7 +63,7 @@ LAUGHS = (
         changed(BOOK, SHEET, lambda text: text.replace("<v>2.5</v>", "<v>" + "9" * 5000 + "</v>")),
         changed(BOOK, SHEET, lambda text: text.replace('t="n"><v>1<', 't="s"><v>99<')),
         changed(BOOK, SHEET, lambda text: text.replace('r="A2"', 'r="A-2"')),
-        changed(BOOK, SHEET, lambda text: LAUGHS + text.replace("2.5", "&i;")),
+        changed(BOOK, SHEET, lambda text: LAUGHS + text.replace("2.5", "&g;")),
     ],
 )
 def test_what_is_no_workbook_or_a_damaged_one_is_refused(data, tmp_path):
@@ -73,11 +73,22 @@ def test_what_is_no_workbook_or_a_damaged_one_is_refused(data, tmp_path):
 
 def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     """A thousandth of what it unpacks to."""
-    bomb = changed(BOOK, "docProps/app.xml", lambda text: "0" * 101_000_000)
+    bomb = changed(BOOK, "docProps/app.xml", lambda text: "0" * 11_000_000)
+    monkeypatch.setattr(user_table, "TEXT", 10_000_000)
     monkeypatch.setattr(user_table, "_read_workbook", None)
-    assert len(bomb) < 200_000
-    with pytest.raises(UserFileError, match=r"unpacked, its sheets have 101 MB, and at most 100 MB are read"):
+    assert len(bomb) < 20_000
+    with pytest.raises(UserFileError, match=r"unpacked, its sheets have 11.02 MB, and at most 10 MB are read"):
         read_sheets(table(tmp_path, bomb))
+
+
+@pytest.mark.parametrize("many", ["<c/>" * 600_000, "<c " + " ".join(f'a{i}=""' for i in range(600_000)) + "/>"])
+def test_a_row_that_would_fill_the_memory_is_refused_before_it_is_parsed(many, tmp_path, monkeypatch):
+    monkeypatch.setattr(user_table, "_read_workbook", None)
+    data = changed(BOOK, SHEET, lambda text: text.replace("</row>", many + "</row>"))
+    with pytest.raises(
+        UserFileError, match="a row of its sheets, or its styles, have over 500000 parts; save it as CSV"
+    ):
+        read_sheets(table(tmp_path, data))
 
 
 def test_a_size_that_the_archive_hides_is_refused(tmp_path):

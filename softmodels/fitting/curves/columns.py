@@ -288,8 +288,9 @@ def _with_units(
         if column.kind in sure or not unit:
             made.append(column)
             continue
-        sizes = [_size(one, column) for one in (column.unit, unit)]
-        if column.unit and unit != column.unit and not (sizes[0] and sizes[1] and math.isclose(*sizes, rel_tol=1e-6)):
+        above, below = _size(column.unit, column), _size(unit, column)
+        same = above is not None and below is not None and math.isclose(above, below, rel_tol=1e-6)
+        if column.unit and unit != column.unit and not same:
             raise TensileError(
                 f"the unit of the column {column.header!r} is {column.unit} in its header and {unit} in {where}; correct "
                 f"one of them, or give --columns {column.kind}={column.place + 1}[{column.unit}],..."
