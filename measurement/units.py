@@ -97,6 +97,12 @@ def numbers(parts: Iterable[Any]) -> list[float]:
     return [number(part) for part in parts]
 
 
+FORMULA = (
+    "begins with =, as a formula does, and is not a number; a workbook has its value once a spreadsheet has saved it"
+)
+"""What to say of a text that begins with ``=``."""
+
+
 def number_and_unit(text: str) -> tuple[float, str]:
     """A quantity's number and the text of its unit, which may be empty and is not looked up.
 
@@ -174,6 +180,8 @@ def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:
 
 def _reason(shown: str, what: str, hint: str) -> str:
     """Why a text is no quantity."""
+    if shown.startswith("="):
+        return f"{brief(shown)} {FORMULA}"
     if re.match(rf"[+-]?[0-9]*,[0-9]+(?![0-9.,]|{_SPACES}[0-9])", shown):
         more = (
             f" (or {shown.replace(',', '')}, if it parts thousands)" if re.search(r",[0-9]{3}(?![0-9])", shown) else ""

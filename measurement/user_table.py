@@ -135,13 +135,6 @@ def records(rows: Sequence[Line]) -> list[tuple[int, dict[str, str]]]:
     ]
 
 
-def not_a_number(cell: str) -> str:
-    """Why a cell holds no number, to follow its name: "is not a number", or what to do about a formula."""
-    if cell.startswith("="):
-        return "is a formula whose value is not in the file; open it in a spreadsheet program and save it, or save it as CSV"
-    return "is not a number"
-
-
 def _text(path: Path, data: bytes) -> str:
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:

@@ -101,7 +101,8 @@ def test_a_workbook_with_units_below_the_names(tmp_path):
     book.save(tmp_path / "path.xlsx")
     typed = TipPath(file=table(tmp_path, "pressure [kPa];z [mm]\n1.5;2.25\n3;4\n"), of="tip")
     np.testing.assert_array_equal(TipPath(file=str(tmp_path / "path.xlsx"), of="tip").target, typed.target)
-    page["B4"] = "two"
-    book.save(tmp_path / "path.xlsx")
-    with pytest.raises(ValueError, match=r"path.xlsx, row 4 of the sheet 'Path': 'two' is not a number"):
-        TipPath(file=str(tmp_path / "path.xlsx"), of="tip")
+    for cell, words in (("two", "'two' is not a number"), ("=B3*2", r"'=B3\*2' begins with =, as a formula does")):
+        page["B4"] = cell
+        book.save(tmp_path / "path.xlsx")
+        with pytest.raises(ValueError, match=rf"path.xlsx, row 4 of the sheet 'Path': {words}"):
+            TipPath(file=str(tmp_path / "path.xlsx"), of="tip")

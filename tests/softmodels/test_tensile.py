@@ -141,7 +141,7 @@ def test_a_cell_of_percents_is_read_as_it_is_shown(tmp_path):
     ("rows", "more", "words"),
     [
         ([["strain", "stress (kPa)"], [0.1, "=A2*3"]], [], "row 2 of the sheet 'Data': '=A2.3' in the column 'stress .kPa.' "
-         "is a formula whose value is not in the file; open it in a spreadsheet program and save it"),
+         "begins with =, as a formula does, and is not a number; a workbook has its value once"),
         ([["strain", "stress (kPa)"], [0.1, 3], [0.2, "x"]], [], "row 3 of the sheet 'Data': 'x'"),
         ([["strain", "stress (kPa)"], ["%", "MPa"], [0.1, 3]], [], "MPa in row 2 of the sheet 'Data'"),
         ([["a", "b"], [1, 2]], [("More", [["c"]])], "no row of the sheets 'Data' and 'More' names a deformation"),
@@ -292,7 +292,7 @@ REFUSED = {
         {},
         "unknown unit",
     ),
-    "a formula": (PLAIN + "3.1,=B2*2\n", {}, "line 23: '=B2.2' in the column .* is a formula whose value is not in"),
+    "a formula": (PLAIN + "3.1,=B2*2\n", {}, "line 23: '=B2.2' in the column .* begins with =, as a formula does"),
     "a spreadsheet's error": (PLAIN + "#N/A,60\n", {}, "line 23: '#N/A'.*not a number"),
     "percents of stress": (PLAIN + "3.1,60 %\n", {}, "'60 %' in the column 'stress .kPa.' is a percentage"),
     "force": (table(["stretch", "force (N)"], L, S * SECTION), {}, "--cross-section"),

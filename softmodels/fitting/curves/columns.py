@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.reasons import reason
-from measurement.units import UnitError, quantity
-from measurement.user_table import Line, Sheet, named, not_a_number, pick, read_sheets
+from measurement.units import FORMULA, UnitError, quantity
+from measurement.user_table import Line, Sheet, named, pick, read_sheets
 from measurement.wording import Spoken
 
 Array = npt.NDArray[np.float64]
@@ -233,9 +233,8 @@ def _numbers(sheet: Sheet, after: int, deformation: Column, load: Column, sure: 
         values = []
         for cell, column in zip(cells, columns, strict=True):
             if not _is_number(cell):
-                raise TensileError(
-                    f"{sheet.place(number)}: {cell!r} in the column {column.header!r} {not_a_number(cell)}"
-                )
+                why = FORMULA if cell.startswith("=") else "is not a number"
+                raise TensileError(f"{sheet.place(number)}: {cell!r} in the column {column.header!r} {why}")
             values.append(_value(cell, column, sheet))
         if not all(map(math.isfinite, values)):
             raise TensileError(f"{sheet.place(number)} holds a value that is not finite ({', '.join(cells)})")
