@@ -257,10 +257,12 @@ class Load:
         kept = self.driven.at_pressure_cm if self.driven else 0.0
         highest = max([*self.pressures_cm, *given[False]], default=kept)
         if (most := highest * self.cm) > STIFFNESS_RANGE * shear_modulus:
+            usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (self.cm, 1e3))
             raise CaseError(
-                f"a pressure of {highest:g} cm ({most / 1e3:.4g} kPa) against a shear modulus of {shear_modulus / 1e3:.4g} "
-                f"kPa cannot be meant: at most {STIFFNESS_RANGE * shear_modulus / self.cm:.3g} cm are taken, and devices bear "
-                f"about {shear_modulus / self.cm:.2g} cm; check the units of both (silicones have 5 to 500 kPa)"
+                f"a pressure of {highest:g} cm ({most / 1e3:.4g} kPa) is too much for a shear modulus of "
+                f"{shear_modulus / 1e3:.4g} kPa: devices take about {usual_cm} cm ({usual_kPa} kPa), and at most "
+                f"{STIFFNESS_RANGE * shear_modulus / self.cm:.0f} cm is accepted; write --pressure '{usual_cm} cm' "
+                f"or --pressure '{usual_kPa} kPa' or less, or correct the modulus (silicones have 5 to 500 kPa)"
             )
         largest = max([*self.volumes_ml, *given[True]], default=0.0)
         if largest * 1e-6 > VOLUME_RANGE * cavity:

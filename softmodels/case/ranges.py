@@ -5,16 +5,20 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from measurement.common_units import FACTORS
-from measurement.units import UnitError, brief, numbers, quantity
+from measurement.units import UnitError, brief, number, numbers, pascal_per_cm, quantity
 from measurement.wording import Spoken, meant
 
 ML = 1e-6
 """m3 in one ml."""
 SHORT_PAIR = re.compile(r"(\d{1,2}),(\d{1,2})")
 """What may be two values, or one with a decimal comma."""
+
+
+MAX_PRESSURE = 1e6
+"""Pa; what is above is a mistake in the number or its unit, whatever silicone a device is of."""
 
 
 class SeriesError(Spoken, ValueError):
@@ -105,8 +109,23 @@ def _unit_at_the_end(separator: str, parts: list[object]) -> str:
     if not pressure and not volume:
         return ""
     if pressure:
-        return f"a unit stands once, at the end of a text: --pressure '{text}'"
+        values = [value for value, _ in pairs]
+        return _too_much(values, units[0]) or f"a unit stands once, at the end of a text: --pressure '{text}'"
     return f"a unit stands once, at the end of a text ('{text}'), and not behind volume_ml"
+
+
+def _too_much(values: Sequence[str], unit: str) -> str:
+    """The end of a sentence on pressures that no device of silicone takes; empty for others."""
+    try:
+        highest = max(map(number, values)) * (pascal_per_cm() if unit == "cm" else factor_of(unit, "Pa") or 0.0)
+    except UnitError:
+        return ""
+    if highest <= MAX_PRESSURE:
+        return ""
+    return (
+        f"and {highest / 1e3:.4g} kPa is too much: devices of silicone take 1 to 100 kPa, about 10 to 1000 cm of the column; "
+        "write --pressure '0:30 kPa' or --pressure '0:300 cm'"
+    )
 
 
 def _range(numbers: list[float], text: str, what: str) -> list[float]:

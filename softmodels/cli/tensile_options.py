@@ -25,7 +25,7 @@ class CurveFiles(TypedDict):
 
 
 def tensile_option[Command: Callable[..., object]](
-    text: str = "Curve of a test, FILE[:TEST]; may be given several times.",
+    text: str = "Curve of a test, FILE[:TEST], CSV or Excel (.xlsx); may be given several times.",
 ) -> Callable[[Command], Command]:
     return click.option("--tensile", "tensile", multiple=True, metavar="FILE[:TEST]", help=text)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy.typing as npt
 
 from measurement.reasons import reason
 from measurement.units import UnitError, number, quantity
-from measurement.user_file import read_text
+from measurement.user_table import Line, Sheet, pick, read_sheets, records
 
 Array = npt.NDArray[np.float64]
 Row = tuple[float, float, float, float]
@@ -26,24 +25,25 @@ PLACE = re.compile(r"(?:(?!max_stretch)(\w+?)[_ ])?([xyz])[_ ]*[\[(]?([a-z]+)[\]
 def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...], str]:
     """Rows of pressure in Pa and place in m (nan where there is no such column), by rising pressure, and the point's name.
 
-    Columns are named by what they have and its unit: ``pressure_kPa``, ``x_mm`` or ``tip_x_mm``. Rows at rest, and those
+    Columns are named by what they have and its unit: ``pressure_kPa``, ``x_mm`` or ``tip_x_mm``; or the units stand in a row
+    below the names. Rows at rest, and those
     from the highest pressure on, are left out: there a pressure has more than one place. Of a run's table those at the
     pressures that it was asked at are taken.
 
     Args:
-        file: The table, with commas or semicolons.
+        file: The table, a text or an Excel workbook.
         of: The point; empty for the only one in the table.
         cm: Pa of one centimetre of the case's column; 0 if it is not known.
 
     Raises:
         ValueError: No such table; a sentence.
     """
-    rows = _rows(file)
-    names = list(rows[0])
+    sheet, rows = _rows(file)
+    names = list(rows[0][1])
     pressure, unit = _pressure_column(file, names, cm)
     columns, of = _place_columns(file, names, of)
     table = []
-    for line, row in enumerate(rows, 2):
+    for line, row in rows:
         try:
             at = _value(row[pressure], unit, "Pa", cm)
             place = [
@@ -51,29 +51,44 @@ def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...]
                 for axis in "xyz"
             ]
         except (UnitError, TypeError) as error:
-            raise ValueError(f"{file}, line {line}: {error}") from None
+            raise ValueError(f"{file}, {sheet.place(line)}: {error}") from None
         table.append([at, *place])
-    kept = _rising(np.array(table), _asked(rows))
+    kept = _rising(np.array(table), _asked([row for _, row in rows]))
     if not len(kept):
         raise ValueError(f"{file} has no row at a pressure above zero, so there is no path to follow")
     return tuple((float(p), float(x), float(y), float(z)) for p, x, y, z in kept), of
 
 
-def _rows(file: Path) -> list[dict[str, str]]:
+def _rows(file: Path) -> tuple[Sheet, list[tuple[int, dict[str, str]]]]:
+    """The sheet, and its rows by their columns' names, with the units in a row below them if that has them."""
     try:
-        text = read_text(file)
-    except (OSError, UnicodeDecodeError) as error:
+        sheets = read_sheets(file)
+        chosen = pick(file, sheets, lambda sheet: _table(sheet.rows))
+        if chosen is None:  # none has a path: the one with most columns, for a sentence on what is missing
+            widest = max(sheets, key=lambda sheet: len(sheet.rows[0][1]) if sheet.rows else 0)
+            chosen = widest, widest.rows
+    except OSError as error:
         raise ValueError(f"{file} cannot be read: {reason(error)}") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    separator = ";" if lines and ";" in lines[0] else ","
-    rows = [
-        {str(name).strip(): value for name, value in row.items()} for row in csv.DictReader(lines, delimiter=separator)
-    ]
-    if not rows:
+    if len(chosen[1]) < 2:
         raise ValueError(
             f"{file} has no rows; a path has a column of pressures and columns of places, such as pressure_kPa, x_mm"
         )
-    return rows
+    return chosen[0], records(chosen[1])
+
+
+def _table(rows: Sequence[Line]) -> Sequence[Line] | None:
+    """Names with their units and the rows below; None if no column is a pressure and a place."""
+    if not rows:
+        return None
+    ways = [rows]
+    if len(rows) > 1:
+        names = [f"{name} [{unit.strip(' []()')}]" for name, unit in zip(rows[0][1], rows[1][1], strict=False)]
+        ways.append([(rows[0][0], names), *rows[2:]])
+    for way in ways:
+        names = [name.strip() for name in way[0][1]]
+        if any(map(PRESSURE.fullmatch, names)) and any(map(PLACE.fullmatch, names)):
+            return way
+    return None
 
 
 def _pressure_column(file: Path, names: Sequence[str], cm: float) -> tuple[str, str]:

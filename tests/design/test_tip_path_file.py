@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import openpyxl
 import pytest
 
 from softmodels.design.errors import DesignError
@@ -88,3 +89,19 @@ def test_in_a_problem_file(tmp_path):
         problem(tmp_path, "quantity = 'tip_path'")
     with pytest.raises(DesignError, match="file of points or the points"):
         problem(tmp_path, "quantity = 'outline'\nat = '20 cm'")
+
+
+def test_a_workbook_with_units_below_the_names(tmp_path):
+    """The same path as the text of one with units in the names; sheets without a path are passed over."""
+    book = openpyxl.Workbook()
+    book.active.append(["by", "me"])
+    page = book.create_sheet("Path")
+    for row in (["pressure", "z"], ["kPa", "[mm]"], [1.5, 2.25], [3, 4]):
+        page.append(row)
+    book.save(tmp_path / "path.xlsx")
+    typed = TipPath(file=table(tmp_path, "pressure [kPa];z [mm]\n1.5;2.25\n3;4\n"), of="tip")
+    np.testing.assert_array_equal(TipPath(file=str(tmp_path / "path.xlsx"), of="tip").target, typed.target)
+    page["B4"] = "two"
+    book.save(tmp_path / "path.xlsx")
+    with pytest.raises(ValueError, match=r"path.xlsx, row 4 of the sheet 'Path': 'two' is not a number"):
+        TipPath(file=str(tmp_path / "path.xlsx"), of="tip")

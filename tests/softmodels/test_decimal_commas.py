@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import openpyxl
 import pytest
 from click.testing import CliRunner
 
@@ -153,6 +154,20 @@ def test_heights_of_a_german_sheet(tmp_path):
     path.write_text("file;pressure_Pa;height_m\na;100;0.001\nb;200,5;0,002\n")
     with pytest.raises(OutlineFitError, match=r"line 3: .*'200,5' has a decimal comma"):
         read_heights(path)
+
+
+def test_heights_of_a_workbook(tmp_path):
+    """The row is named as the spreadsheet numbers it."""
+    book = openpyxl.Workbook()
+    for row in (["# by me"], ["file", "pressure_Pa", "height_m"], [], ["a", 100.5, 0.001], ["b", 200, "0,002"]):
+        book.active.append(row)
+    book.save(tmp_path / "heights.xlsx")
+    with pytest.raises(OutlineFitError, match=r"row 5 of the sheet 'Sheet': .*'0,002' has a decimal comma"):
+        read_heights(tmp_path / "heights.xlsx")
+    book.active["C5"] = 0.002
+    book.save(tmp_path / "heights.xlsx")
+    found = read_heights(tmp_path / "heights.xlsx")
+    assert [(one.source, one.pressure, one.height) for one in found] == [("a", 100.5, 0.001), ("b", 200.0, 0.002)]
 
 
 def test_texts_without_end_are_refused():

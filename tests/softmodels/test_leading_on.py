@@ -61,6 +61,12 @@ def test_other_groups_do_too(group, word, told):
         (lambda: series("4 kPa", "pressure"), "pressures='4 kPa'|--pressure '4 kPa'"),
         (lambda: series("0:3kPa:1cm", "pressure"), "give all values in one unit .kPa or cm., once, at the end"),
         (lambda: series("0,-5,-10", "pressure"), "-5 is below zero; suction is not modelled, so give values from 0 up"),
+        (lambda: series("30 cm", "pressure"), "once, at the end of a text: (pressures=|--pressure )'30 cm'"),
+        (
+            lambda: series("1e9 cm", "pressure"),
+            "9.*e.07 kPa is too much: devices of silicone take 1 to 100 kPa, about 10 to 1000 cm .*'0:30 kPa'",
+        ),
+        (lambda: series("0:2 MPa", "pressure"), "2000 kPa is too much"),
         (lambda: series("a,b", "pressure"), "write 0:177, 0:177:10 or 0,70,130,177"),
     ],
 )
@@ -76,7 +82,10 @@ def test_exponents_are_no_units():
 
 def test_implausible_pressures_say_what_is_plausible():
     case = '[geometry]\ndevice = "Membrane"\n[load]\npressure = "1e9 cm"\n'
-    with pytest.raises(CaseError, match=r"at most .* cm are taken, and devices bear about .* cm; check the units"):
+    with pytest.raises(
+        CaseError,
+        match=r"devices take about 320 cm \(30 kPa\), and at most 9461 cm is accepted; write pressures='320 cm'",
+    ):
         Case.from_toml(case)
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import datetime
 import re
 
 import numpy as np
+import openpyxl
 import pytest
 
 from measurement.wording import spoken
@@ -50,6 +52,17 @@ SAME = {
     "comments": table(["strain", "stress (kPa)"], L - 1, S / 1e3, above="# a, b\n# stress (MPa), strain\n"),
     "two headers": table(["strain", "stress"], L - 1, S / 1e3).replace("stress\n", "stress (kPa)\n-,kPa\n"),
     "decimal commas": table(["strain", "stress (kPa)"], L - 1, S / 1e3, separator=";").replace(".", ","),
+    "a row of units": table(["Strain", "Stress"], 100 * (L - 1), S / 1e6, separator=";").replace(
+        "Stress\n", "Stress\n%;N/mm²\n"
+    ),
+    "a row of units in brackets": table(["Strain", "Stress"], 100 * (L - 1), S / 1e3).replace("s\n", "s\n[%],[kPa]\n"),
+    "a row of units after one of words": table(["Time", "Strain", "Stress"], L, L - 1, S / 1e3).replace(
+        "Stress\n", "Stress\nclock,mean,mean\ns,mm/mm,kPa\n"
+    ),
+    "signs of percent": "strain,stress (Pa)\n" + "".join(
+        f"{100 * (a - 1):.9g} %,{b:.9g}\n" for a, b in zip(L, S, strict=True)
+    ),
+    "UTF-16": table(["strain", "stress (kPa)"], L - 1, S / 1e3).encode("utf-16"),
     "all of Marechal's columns": table(
         ["Time (s)", "True Strain", "True Stress (MPa)", "Engineering Strain", "Engineering Stress (MPa)"],
         L, np.log(L), S * L / 1e6, L - 1, S / 1e6, separator=";", above=MARECHAL,
@@ -73,6 +86,8 @@ TOLD = {
     "stretch=2,stress=3[kPa]": "\n".join(
         f"{i},{a:.9g},{b:.9g}" for i, (a, b) in enumerate(zip(L, S / 1e3, strict=True))
     ),
+    "strain=1,stress=2": table(["a", "b"], 100 * (L - 1), S / 1e3).replace("b\n", "b\n%,kPa\n"),
+    "strain=1[],stress=2[kPa]": table(["a", "b"], L - 1, S / 1e3).replace("b\n", "b\n%,MPa\n"),
     "strain=strain,stress=stress": table(["strain [%]", "stress [kPa]", "stress (MPa)"], 100 * (L - 1), S / 1e3, S),
 }
 
@@ -81,6 +96,65 @@ TOLD = {
 def test_columns_can_be_told(told, write):
     curve = read_curve(write(TOLD[told]), columns=told)
     assert curve.stretch == pytest.approx(L, rel=1e-7) and curve.stress == pytest.approx(S, rel=1e-6, abs=1e-3)
+
+
+def workbook(path, rows, sheet="Data", more=()):
+    """An Excel file of rows, with more sheets by their names."""
+    book = openpyxl.Workbook()
+    book.active.title = sheet
+    for name, table in [(sheet, rows), *more]:
+        page = book[name] if name in book.sheetnames else book.create_sheet(name)
+        for row in table:
+            page.append(row)
+    book.save(path)
+    return path
+
+
+def cells(text):
+    """Rows of a comma-separated text, numbers as numbers."""
+    return [[float(c) if re.fullmatch(r"[-+.\de]+", c) and c != "-" else c for c in line.split(",")]
+            for line in text.splitlines()]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name", ["strain", "percent", "machine", "comments", "two headers", "a row of units in brackets"]
+)
+def test_a_workbook_gives_the_curve_of_its_csv(name, write, tmp_path):
+    specimen = Specimen(cross_section=SECTION, gauge_length=LENGTH)
+    plain = read_curve(write(SAME[name]), specimen=specimen)
+    path = workbook(tmp_path / "curve.xlsx", [["Machine", 5], [], *cells(SAME[name])], more=[("Notes", [["by", "me"]])])
+    curve = read_curve(path, specimen=specimen)
+    assert np.array_equal(curve.stretch, plain.stretch) and np.array_equal(curve.stress, plain.stress)
+    assert curve.name == "curve.xlsx"
+
+
+def test_a_cell_of_percents_is_read_as_it_is_shown(tmp_path):
+    path = workbook(tmp_path / "curve.xlsx", [["strain (%)", "stress (Pa)"], *zip(L - 1, S, strict=True)])
+    book = openpyxl.load_workbook(path)
+    for (cell,) in book.active.iter_rows(min_row=2, max_col=1):
+        cell.number_format = "0.00%"
+    book.save(path)
+    assert read_curve(path).stretch == pytest.approx(L, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "words"),
+    [
+        ([["strain", "stress (kPa)"], [0.1, "=A2*3"]], [], "row 2 of the sheet 'Data': '=A2.3' in the column 'stress .kPa.' "
+         "is a formula whose value is not in the file; open it in a spreadsheet program and save it"),
+        ([["strain", "stress (kPa)"], [0.1, 3], [0.2, "x"]], [], "row 3 of the sheet 'Data': 'x'"),
+        ([["strain", "stress (kPa)"], ["%", "MPa"], [0.1, 3]], [], "MPa in row 2 of the sheet 'Data'"),
+        ([["a", "b"], [1, 2]], [("More", [["c"]])], "no row of the sheets 'Data' and 'More' names a deformation"),
+        ([["strain", "stress (kPa)"], [0.1, 3]], [("More", [["strain", "stress (kPa)"], [0.1, 3]])],
+         "a table on each of the sheets 'Data' and 'More'; save the sheet to be read"),
+        ([], [], "the file is empty"),
+        ([["strain", "stress (kPa)"], [0.1, datetime.date(2026, 2, 1)]], [], "'2026-02-01 00:00:00'.*not a number"),
+        ([["strain", "stress (kPa)"], [0.1, True]], [], "'TRUE'.*not a number"),
+    ],
+)  # fmt: skip
+def test_workbooks_are_refused_in_a_sentence(rows, more, words, tmp_path):
+    with pytest.raises(TensileError, match=words):
+        read_curve(workbook(tmp_path / "curve.xlsx", rows, more=more))
 
 
 @pytest.mark.parametrize("test", ["planar", "ps", "equibiaxial", "ET"])
@@ -195,7 +269,32 @@ REFUSED = {
     "not tared": (table(["stretch", "stress (kPa)"], L, S / 1e3 + 20), {}, "stress at stretch 1 is 20 kPa"),
     "falling": (table(["stretch", "stress (kPa)"], L, -S / 1e3), {}, "falls as the specimen is pulled"),
     "zero": (table(["stretch", "stress (kPa)"], L, 0 * S), {}, "every stress is zero"),
-    "binary": (b"PK\x03\x04\0\0stretch,stress", {}, "not a text file"),
+    "binary": (b"\x7fELF\0\0stretch,stress", {}, "not a text file"),
+    "half a workbook": (b"PK\x03\x04\0\0stretch,stress", {}, "not an Excel workbook .*, or a damaged one"),
+    "an old workbook": (b"\xd0\xcf\x11\xe0\0stretch,stress", {}, "with a password or in the format before 2007"),
+    "units that contradict the header": (
+        table(["strain", "stress (kPa)"], L - 1, S / 1e3).replace("(kPa)\n", "(kPa)\n%,MPa\n"),
+        {},
+        "'stress .kPa.' is kPa in its header and MPa in line 2; correct one of them, or give --columns stress=2.kPa",
+    ),
+    "percents that contradict the header": (
+        table(["strain (-)", "stress"], L - 1, S / 1e3).replace("stress\n", "stress\n%,kPa\n"),
+        {},
+        "'strain .-.' is dimensionless in its header and percent in line 2",
+    ),
+    "a unit of another kind": (
+        table(["strain", "stress"], L - 1, S / 1e3).replace("stress\n", "stress\n%,mm\n"),
+        {},
+        "'stress'.*cannot be read in Pa",
+    ),
+    "an unknown unit below": (
+        table(["strain", "stress"], L - 1, S / 1e3).replace("stress\n", "stress\n[%],[kPq]\n"),
+        {},
+        "unknown unit",
+    ),
+    "a formula": (PLAIN + "3.1,=B2*2\n", {}, "line 23: '=B2.2' in the column .* is a formula whose value is not in"),
+    "a spreadsheet's error": (PLAIN + "#N/A,60\n", {}, "line 23: '#N/A'.*not a number"),
+    "percents of stress": (PLAIN + "3.1,60 %\n", {}, "'60 %' in the column 'stress .kPa.' is a percentage"),
     "force": (table(["stretch", "force (N)"], L, S * SECTION), {}, "--cross-section"),
     "extension": (table(["extension (mm)", "stress (kPa)"], L - 1, S / 1e3), {}, "--gauge-length"),
     "pressure": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {}, "do not go together"),

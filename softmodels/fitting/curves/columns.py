@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from measurement.reasons import reason
 from measurement.units import UnitError, quantity
+from measurement.user_table import Line, Sheet, named, not_a_number, pick, read_sheets
 from measurement.wording import Spoken
 
 Array = npt.NDArray[np.float64]
@@ -43,7 +45,9 @@ _WORDS = (
     ("force", r"\bforce\b|\bload\b"),
     ("pressure", r"\bpressure\b"),
 )
-_UNITS = {"%": "percent", "percent": "percent", "-": "", "1": "", "": "", "mm/mm": "", "m/m": "", "n/mm2": "N/mm^2",
+NONE = "dimensionless"
+"""The unit of a column that is said to have none."""
+_UNITS = {"%": "percent", "percent": "percent", "-": NONE, "1": NONE, "mm/mm": NONE, "m/m": NONE, "n/mm2": "N/mm^2",
           "n/mm^2": "N/mm^2", "n/mm²": "N/mm^2"}  # fmt: skip
 _TAIL = re.compile(r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|mm|cm|m|um)$", re.IGNORECASE)
 _CASES = {"pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa", "kn": "kN", "n": "N"}
@@ -87,7 +91,7 @@ def recognise(header: str, place: int) -> Column | None:
     bracket = re.search(r"[(\[]([^)\]]*)[)\]]", words)
     tail = _TAIL.search(words)
     if bracket:
-        unit, words = bracket[1].strip(), words[: bracket.start()]
+        unit, words = bracket[1], words[: bracket.start()]
     elif tail:
         unit, words = tail[1], words[: tail.start()]
     elif "," in words or "/" in words:
@@ -97,11 +101,14 @@ def recognise(header: str, place: int) -> Column | None:
         return None
     for kind, pattern in _WORDS:
         if re.search(pattern, words):
-            unit = _UNITS.get(unit.lower().strip(), unit.strip())
-            return Column(
-                kind, _CASES.get(unit.lower(), unit) if len(unit) > 1 else unit.replace("n", "N"), place, header
-            )
+            return Column(kind, _unit(unit), place, header)
     return None
+
+
+def _unit(text: str) -> str:
+    """A unit in Pint's spelling."""
+    unit = _UNITS.get(text.lower().strip(), text.strip())
+    return _CASES.get(unit.lower(), unit) if len(unit) > 1 else unit.replace("n", "N")
 
 
 def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
@@ -120,40 +127,41 @@ def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
     return told
 
 
-def read_table(text: str, told: Mapping[str, tuple[str, str | None]]) -> Table:
+def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> Table:
     """Find the header, whatever stands above it, and the numbers of the two columns that make a curve.
 
     Args:
-        text: A file's text; fields apart by ``;``, tabs or commas, lines with ``#`` skipped.
+        path: A text or a workbook, see `measurement.user_table.read_sheets`. A row of units may stand below the header.
         told: See `told_columns`; empty to go by the headers.
 
     Raises:
-        TensileError: No header says what the columns are, or there are no numbers below it.
+        TensileError: It cannot be read, no header or several say what the columns are, or there are no numbers below it.
     """
-    if not text.strip():
+
+    def found(sheet: Sheet) -> tuple[int, Column, Column] | None:
+        return _told_header(sheet.rows, told) if told else _header(sheet.rows)
+
+    try:
+        sheets = read_sheets(path)
+        chosen = pick(path, sheets, found)
+    except OSError as error:
+        raise TensileError(f"the file cannot be read ({reason(error)})") from None
+    if chosen is not None:
+        sheet, (after, deformation, load) = chosen
+        return _numbers(sheet, after, deformation, load, {kind for kind, (_, unit) in told.items() if unit is not None})
+    if not any(sheet.rows for sheet in sheets):
         raise TensileError("the file is empty")
-    for separator in (";", "\t", ","):
-        rows = _rows(text, separator)
-        found = _told_header(rows, told) if told else _header(rows)
-        if found:
-            after, deformation, load = found
-            return _numbers(rows[after:], deformation, load, decimal_comma=separator != ",")
+    where = f"no row of {named(sheets)}" if named(sheets) else "no line"
     if told:
         names = " and ".join(repr(name) for name, _ in told.values())
-        raise TensileError(f"no line of the file has the columns {names}")
+        raise TensileError(f"{where} of the file has the columns {names}")
     raise TensileError(
-        "no line names a deformation and a load, such as 'strain (%)' and 'stress (MPa)'; "
+        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress (MPa)'; "
         "say which columns they are with --columns 'strain=1[%],stress=2[MPa]'"
     )
 
 
-def _rows(text: str, separator: str) -> list[tuple[int, list[str]]]:
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    fields = csv.reader((line for _, line in lines), delimiter=separator, skipinitialspace=True)
-    return [(number, row) for (number, _), row in zip(lines, fields, strict=False)]
-
-
-def _header(rows: list[tuple[int, list[str]]]) -> tuple[int, Column, Column] | None:
+def _header(rows: Sequence[Line]) -> tuple[int, Column, Column] | None:
     for i, (_, row) in enumerate(rows):
         if len(row) < 2 or any(_is_number(cell) for cell in row):
             continue  # most lines of a long file, and quick to tell
@@ -176,9 +184,7 @@ def _first(known: Sequence[Column], kinds: Sequence[str]) -> str | None:
     return next((kind for kind in kinds if kind in present), None)
 
 
-def _told_header(
-    rows: list[tuple[int, list[str]]], told: Mapping[str, tuple[str, str | None]]
-) -> tuple[int, Column, Column] | None:
+def _told_header(rows: Sequence[Line], told: Mapping[str, tuple[str, str | None]]) -> tuple[int, Column, Column] | None:
     """Columns by name need a line that has them; by number, the first line of numbers."""
     numbers = all(name.isdigit() for name, _ in told.values())
     for i, (_, row) in enumerate(rows):
@@ -195,42 +201,117 @@ def _told_header(
             if not 0 <= place < len(row):
                 break
             said = recognise(row[place], place)
-            made[kind] = Column(kind, (said.unit if said else "") if unit is None else unit, place, row[place].strip())
+            of_header = said.unit if said else ""
+            made[kind] = Column(kind, of_header if unit is None else _unit(unit), place, row[place].strip())
         else:
             if numbers and not all(_is_number(row[column.place]) for column in made.values()):
                 continue
             deformation = next(made[kind] for kind in DEFORMATIONS if kind in made)
             load = next(made[kind] for kind in LOADS if kind in made)
-            return (i if numbers else i + 1), deformation, load
+            if not numbers:
+                return i + 1, deformation, load
+            above = [_cell(rows[i - 1][1], column) if i else "" for column in (deformation, load)]
+            return (i - 1 if _row_of_units((deformation, load), above) else i), deformation, load
     return None
 
 
-def _numbers(rows: list[tuple[int, list[str]]], deformation: Column, load: Column, decimal_comma: bool) -> Table:
+def _numbers(sheet: Sheet, after: int, deformation: Column, load: Column, sure: Collection[str]) -> Table:
+    """The numbers below a header; of the kinds in ``sure`` the units are known, whatever the file says."""
     x: list[float] = []
     y: list[float] = []
     lines: list[int] = []
-    for line, row in rows:
-        cells = [row[c.place].strip() if c.place < len(row) else "" for c in (deformation, load)]
-        if not x and not any(_is_number(cell) for cell in cells):
-            continue  # a line of units between the header and the numbers
+    columns = (deformation, load)
+    units: tuple[str, str] | None = None
+    for number, row in sheet.rows[after:]:
+        cells = [_cell(row, column) for column in columns]
+        if not x and not all(map(_is_number, cells)):
+            if units is None and (units := _row_of_units(columns, cells)):
+                deformation, load = columns = _with_units(columns, units, sure, sheet.place(number))
+                continue
+            if not any(cell.startswith("=") or _is_number(cell) for cell in cells):
+                continue  # more words between the header and the numbers
         values = []
-        for cell, column in zip(cells, (deformation, load), strict=True):
+        for cell, column in zip(cells, columns, strict=True):
             if not _is_number(cell):
-                raise TensileError(f"line {line}: {cell!r} in the column {column.header!r} is not a number")
-            values.append(float(cell.replace(",", ".") if decimal_comma else cell))
+                raise TensileError(
+                    f"{sheet.place(number)}: {cell!r} in the column {column.header!r} {not_a_number(cell)}"
+                )
+            values.append(_value(cell, column, sheet))
         if not all(map(math.isfinite, values)):
-            raise TensileError(f"line {line} holds a value that is not finite ({', '.join(cells)})")
+            raise TensileError(f"{sheet.place(number)} holds a value that is not finite ({', '.join(cells)})")
         x.append(values[0])
         y.append(values[1])
-        lines.append(line)
+        lines.append(number)
     if not x:
         raise TensileError(f"there are no numbers below the header ({deformation.header!r}, {load.header!r})")
     return Table(deformation, load, np.array(x), np.array(y), tuple(lines))
 
 
+def _cell(row: Sequence[str], column: Column) -> str:
+    return row[column.place].strip() if column.place < len(row) else ""
+
+
+def _row_of_units(columns: Sequence[Column], cells: Sequence[str]) -> tuple[str, str] | None:
+    """Both columns' units if a row is one of units: in brackets, or one of them known for what its column holds."""
+    bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells]
+    if not any(one != cell or _is_unit(one, column) for one, cell, column in zip(bare, cells, columns, strict=True)):
+        return None
+    first, second = (
+        "" if _unit(one) == NONE and KINDS[c.kind] else _unit(one) for one, c in zip(bare, columns, strict=True)
+    )
+    return first, second
+
+
+def _is_unit(text: str, column: Column) -> bool:
+    unit = _unit(text)
+    return bool(unit) and not _is_number(text) and text != "-" and _size(unit, column) is not None
+
+
+def _size(unit: str, column: Column) -> float | None:
+    """Of a unit in that of what a column holds; None if it is unknown or of another kind."""
+    try:
+        return quantity(f"1 {unit}", KINDS[column.kind])
+    except UnitError:
+        return None
+
+
+def _with_units(
+    columns: Sequence[Column], units: Sequence[str], sure: Collection[str], where: str
+) -> tuple[Column, Column]:
+    """Columns with the units below their headers, but for the kinds in ``sure``.
+
+    Raises:
+        TensileError: A header has another unit.
+    """
+    made = []
+    for column, unit in zip(columns, units, strict=True):
+        if column.kind in sure or not unit:
+            made.append(column)
+            continue
+        sizes = [_size(one, column) for one in (column.unit, unit)]
+        if column.unit and unit != column.unit and not (sizes[0] and sizes[1] and math.isclose(*sizes, rel_tol=1e-6)):
+            raise TensileError(
+                f"the unit of the column {column.header!r} is {column.unit} in its header and {unit} in {where}; correct "
+                f"one of them, or give --columns {column.kind}={column.place + 1}[{column.unit}],..."
+            )
+        made.append(dataclasses.replace(column, unit=column.unit or unit))
+    return made[0], made[1]
+
+
+def _value(cell: str, column: Column, sheet: Sheet) -> float:
+    """A cell's number in the unit of its column; percents may have their sign."""
+    text = cell.replace(",", ".") if sheet.separator != "," else cell
+    number = float(text.removesuffix("%"))
+    if not text.endswith("%") or column.unit == "percent":
+        return number
+    if KINDS[column.kind] or column.unit not in ("", NONE):
+        raise TensileError(f"{cell!r} in the column {column.header!r} is a percentage; give it in {KINDS[column.kind]}")
+    return number / 100
+
+
 def _is_number(text: str) -> bool:
     try:
-        float(text.replace(",", "."))
+        float(text.strip().removesuffix("%").replace(",", "."))
     except ValueError:
         return False
     return True

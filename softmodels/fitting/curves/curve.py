@@ -14,7 +14,6 @@ from geometries.kinds import Quantity, Several
 from measurement.arguments import checked
 from measurement.read_only import keep_arrays
 from measurement.units import brief
-from measurement.user_file import read_file
 from measurement.wording import known_are, meant
 from softmodels.fitting.curves.columns import Column, TensileError, in_si, read_table, told_columns
 from softmodels.materials.homogeneous import MODES
@@ -173,7 +172,8 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
     """Read a curve.
 
     Args:
-        path: Text with one row per reading, under a header that names the columns with their units.
+        path: Text or Excel workbook with one row per reading, under a header that names the columns with their units; or
+            the units stand in a row below it.
         test: One of `TESTS`, or a synonym.
         columns: Which columns to take, see `told_columns`; empty to go by the headers.
         specimen: Its sizes, where the file has forces, extensions or pressures.
@@ -186,7 +186,7 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
     kind = SYNONYMS[test.lower()]
     told = told_columns(columns) if columns else {}
     try:
-        table = read_table(_text(path), told)
+        table = read_table(path, told)
         if not told:
             _check_start(table.x, table.y, table.deformation, specimen or Specimen())
         stretch = _stretch(table.x, table.deformation, specimen or Specimen())
@@ -197,19 +197,6 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
         raise TensileError(f"{path}: {error}") from None
     curve = TensileCurve(str(path), mode, stretch, stress, tuple(remarks)).check()
     return dataclasses.replace(curve, name=path.name)
-
-
-def _text(path: Path) -> str:
-    try:
-        data = read_file(path)
-    except OSError as error:
-        raise TensileError(f"the file cannot be read ({error.strerror})") from None
-    if b"\0" in data:
-        raise TensileError("this is not a text file; save the sheet as CSV")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")  # older test machines; the numbers are the same
 
 
 def _stretch(x: Array, column: Column, specimen: Specimen) -> Array:

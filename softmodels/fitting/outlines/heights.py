@@ -9,7 +9,6 @@ order (considered parameters: Schmidt 1966; Tapley, Schutz & Born 2004, Statisti
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
@@ -21,7 +20,7 @@ import numpy.typing as npt
 
 from measurement.reasons import reason
 from measurement.units import UnitError, number
-from measurement.user_file import read_text
+from measurement.user_table import Line, pick, read_sheets, records
 from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.outlines.bench import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR
 from softmodels.fitting.outlines.device_model import DeviceModel
@@ -61,36 +60,40 @@ def read_heights(path: Path, untrusted: bool = False, without: Sequence[str] = (
         OutlineFitError: No such table; a number that is none; a height that is not trusted, unless ``untrusted``.
     """
     try:
-        text = read_text(path)
-        separator = ";" if ";" in text.partition("\n")[0] else ","
-        rows = list(csv.DictReader(text.splitlines(), delimiter=separator))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        chosen = pick(path, read_sheets(path), lambda sheet: sheet.rows if _has_heights(sheet.rows) else None)
+    except OSError as error:
         raise OutlineFitError(f"{path} cannot be read: {reason(error)}") from None
-    if not rows or not {"pressure_Pa", "height_m"} <= set(rows[0]):
+    if chosen is None or len(chosen[1]) < 2:
         raise OutlineFitError(f"{path} is no table of heights; it needs the columns pressure_Pa and height_m")
+    sheet, rows = chosen[0], records(chosen[1])
     found = []
-    keep = set(kept([(row.get("file") or f"line {place}", None) for place, row in enumerate(rows, 2)], without))
-    for place, row in enumerate(rows, 2):
-        if place - 2 not in keep:
+    keep = set(kept([(row.get("file") or sheet.place(number), None) for number, row in rows], without))
+    for place, (line, row) in enumerate(rows):
+        if place not in keep:
             continue
+        where = sheet.place(line)
         trusted = (row.get("trusted") or "yes").strip()
         if trusted == "refused":
             continue
         if trusted != "yes" and not untrusted:
             raise OutlineFitError(
-                f"{path}, line {place}: this height is not to be trusted ({row.get('remarks') or 'no reason given'}); "
+                f"{path}, {where}: this height is not to be trusted ({row.get('remarks') or 'no reason given'}); "
                 "leave it out, or take it with --untrusted"
             )
         try:
             pressure, height = number(row["pressure_Pa"]), number(row["height_m"])
             errors = [number(row[key]) if row.get(key) else 0.0 for key in ("pressure_error_Pa", "height_error_m")]
         except UnitError as error:
-            raise OutlineFitError(f"{path}, line {place}: pressure or height is not a number ({error})") from None
+            raise OutlineFitError(f"{path}, {where}: pressure or height is not a number ({error})") from None
         known = {
             name: value for name, value in zip(("pressure_error", "height_error"), errors, strict=True) if value > 0.0
         }
-        found.append(Height(row.get("file") or f"line {place}", pressure, height, **known))
+        found.append(Height(row.get("file") or where, pressure, height, **known))
     return sorted(found, key=lambda one: one.pressure)
+
+
+def _has_heights(rows: Sequence[Line]) -> bool:
+    return bool(rows) and {"pressure_Pa", "height_m"} <= {name.strip() for name in rows[0][1]}
 
 
 def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
