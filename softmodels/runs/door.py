@@ -112,8 +112,7 @@ def inflate(
     case = case_of(
         device, material, pressures, volumes, strokes=strokes, driven=driven, supply=supply, control=control,
         formulation=formulation, solver=solver, sheet=sheet, obstacle=obstacle, parts=parts, gauges=gauges, band=band,
-        cycle=cycle, program=program,
-        water_density=water_density, name=name,
+        cycle=cycle, program=program, water_density=water_density, name=name,
     )  # fmt: skip
     return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
 

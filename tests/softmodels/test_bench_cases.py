@@ -109,8 +109,8 @@ def fitted(runs, tmp_path_factory):
     rows = "\n".join(f"{100 * (one - 1)},{value}" for one, value in zip(stretch, stress, strict=True))
     (folder / "pull.csv").write_text(f"strain (%),stress (kPa)\n{rows}\n")
     done = runs.run(
-        "-m", "softmodels", "fit", "--tensile", folder / "pull.csv", "--material", "neo-hookean,ogden1", "--gauge-error", "none",
-        "--no-pictures", "--no-profiles", "-o", folder / "fit",
+        "-m", "softmodels", "fit", "--tensile", folder / "pull.csv", "--material", "neo-hookean,ogden1",
+        "--gauge-error", "none", "--no-pictures", "--no-profiles", "-o", folder / "fit",
     )  # fmt: skip
     assert done.status == 0, done.err
     return folder
