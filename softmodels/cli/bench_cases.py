@@ -48,7 +48,7 @@ direction = "z"
 [load]
 gravity = [0, 1, 1]             # its travel first, from the flat membrane on, then the weight, then the pressure
 force.cell.travel_mm = [8, 8, 8]
-cavity1.pressure_cm = [0, 0, 40]
+cavity1.pressure_cm = [0, 0, 60]
 """,
     "finger.toml": f"""# a short finger on a stiffer base with paper in it, under its weight; coarse
 name = "finger"

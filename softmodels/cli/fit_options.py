@@ -16,8 +16,9 @@ from softmodels.fitting.problem import Change, FitError, Prior
 
 heights_from_option = click.option(
     "--heights-from", type=click.Choice(HEIGHTS_FROM), default=None,
-    help="What heights count from where the case has gravity or forces: the upper edge of the shadow at zero pressure, the "
-    "apex there, or the undeformed top.  [default: the shadow; the apex where the undeformed top is not flat]",
+    help="What heights count from where the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
+    "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; where the "
+    "undeformed top is not flat the apex, which outlines have to state]",
 )  # fmt: skip
 
 BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}

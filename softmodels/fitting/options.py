@@ -51,8 +51,9 @@ class FitOptions:
         free: With a device: what is fitted of bench and device beside the law, see `softmodels.fitting.outlines.bench.Bench`.
         without: With a device: names of photographs that are left out.
         untrusted: With a device: whether measurements are taken that the measurement does not trust.
-        heights_from: With a device that hangs under loads: what its heights count from, one of `HEIGHTS_FROM`; empty for the
-            shadow, or the apex where the undeformed top is not flat.
+        heights_from: With a device that hangs under loads or whose top is not flat: what its heights count from, one of
+            `HEIGHTS_FROM`; empty for the shadow, or the apex where the undeformed top is not flat. Outlines of
+            such a top (balloon, bellows) have to state it.
     """
 
     poisson: float = 0.5

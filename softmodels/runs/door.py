@@ -15,6 +15,7 @@ from measurement.units import WATER_DENSITY
 from measurement.user_file import read_text
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
+from softmodels.case.load_request import LoadRequest
 from softmodels.case.material_errors import AnyBand
 from softmodels.materials.laws import Material
 from softmodels.mechanics.contact import Obstacle
@@ -50,6 +51,7 @@ def inflate(
     volumes: Values | None = None,
     *,
     strokes: Values | None = None,
+    driven: LoadRequest | None = None,
     supply: AirSupply | None = None,
     control: str = "auto",
     formulation: str = "mixed",
@@ -77,6 +79,7 @@ def inflate(
             ``"0,70,130 cm"``, ``["7 kPa", "14 kPa"]``, or numbers in Pa.
         volumes: The same of added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
         strokes: The same of what the supply pushes: ``"0:20 ml"``, or numbers in m3.
+        driven: Requested forces, travels or shares of a dead load among the parts, in place of pressures.
         supply: What drives the air by its strokes, such as a `Syringe`.
         control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
         formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
@@ -107,9 +110,9 @@ def inflate(
         StartError: MPI or PETSc cannot be started.
     """
     case = case_of(
-        device, material, pressures, volumes, strokes=strokes, supply=supply, control=control, formulation=formulation,
-        solver=solver, sheet=sheet, obstacle=obstacle, parts=parts, gauges=gauges, band=band, cycle=cycle, program=program,
-        water_density=water_density, name=name,
+        device, material, pressures, volumes, strokes=strokes, driven=driven, supply=supply, control=control,
+        formulation=formulation, solver=solver, sheet=sheet, obstacle=obstacle, parts=parts, gauges=gauges, band=band,
+        cycle=cycle, program=program, water_density=water_density, name=name,
     )  # fmt: skip
     return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
 

@@ -18,6 +18,7 @@ from measurement.units import WATER_DENSITY, UnitError, brief, number, pascal_pe
 from measurement.wording import meant
 from softmodels.case.case import Case, CaseError
 from softmodels.case.gauges import Gauges
+from softmodels.case.load_request import LoadRequest
 from softmodels.case.material_errors import AnyBand, band_of
 from softmodels.case.ranges import ML, SeriesError, factor_of, of_text, one_of_text, series, split_text
 from softmodels.materials.laws import Material
@@ -37,6 +38,7 @@ class Options(TypedDict, total=False):
     """The fields of a `Case` that a call may give beside device, material and load."""
 
     strokes: Values | None
+    driven: LoadRequest | None
     supply: AirSupply | None
     name: str | None
     control: str

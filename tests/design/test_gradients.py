@@ -122,7 +122,7 @@ def test_numbers_of_the_material(of_all_kinds, thin_disk, comm, figure, name):
     case = Case(name="law", actuator=thin_disk, material=law, pressures_cm=(20.0,))
     model = DesignModel(case, ("membrane",), of_all_kinds, comm, materials=(name,))
     here = model.evaluate(model.start)
-    meshed, step, ends = model.meshed, 1e-3 * getattr(law, name), []
+    meshed, step, ends = model.meshed, 2.5e-4 * getattr(law, name), []
     for sign in (1, -1):
         meshed.design.system.set_material(dataclasses.replace(law, **{name: getattr(law, name) + sign * step}))
         meshed.states.carry()

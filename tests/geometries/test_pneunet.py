@@ -114,7 +114,7 @@ def test_faces_follow_every_parameter(meshed):
         ({"cap": 0.0002}, ("cap is 0.2 mm", "least_wall")),
         ({"paper": 0.0025}, ("paper is 2.5 mm", "base 3 mm")),
         ({"chamber_length": 0.4}, ("chamber_length is 400 mm", "mistaken unit")),
-        ({"chamber_height": 0.4}, ("chamber_height is 400 mm", "mistaken unit")),
+        ({"chamber_height": 1.4}, ("chamber_height is 1.4 m", "mistaken unit")),
         ({"cell_size": 0.015}, ("cell_size is 15 mm", "wall 1 mm")),
         ({"cell_size": 0.00008}, ("cell_size is 0.08 mm", "3,000,000")),
         ({"chambers": 31}, ("chambers is 31",)),

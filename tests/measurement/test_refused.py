@@ -135,7 +135,7 @@ UNSURE = {
     "lamp moved": (lambda: pixels(magnification=1.05), "below the zero plane.* moved"),
     "speck on the flat surface": (lambda: pixels(dome(0.0, floor=FLOOR), [disk(0, 0, 1.0)]), "only .* mm wide|corner"),
     "balloon": (lambda: pixels(dome(0.0, floor=FLOOR), [disk(0, 4, 8)]), "overhangs"),
-    "edited curve": (lambda: np.uint8(255 * (pixels() / 255.0) ** 1.6), "how the file stores light"),
+    "edited curve": (lambda: np.uint8(255 * (pixels() / 255.0) ** 1.6), "store light as linear"),
 }
 """Pictures that may be measured or not, but never be trusted."""
 

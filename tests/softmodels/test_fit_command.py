@@ -275,7 +275,7 @@ T = "fit --tensile uniaxial.csv"
 REFUSED = {
     "fit": ["--tensile"],
     "fit --tensile none.csv": ["none.csv", "No such file"],
-    "fit --tensile .": ["directory"],
+    "fit --tensile .": ["folder"],
     "fit --tensile empty.csv": ["empty.csv", "empty"],
     "fit --tensile uniaxial.csv:torsion": ["'torsion'", "planar"],
     "fit --tensile mpa.csv": ["mpa.csv", "kPa", "factor 1000"],

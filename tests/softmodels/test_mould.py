@@ -183,14 +183,14 @@ def test_undercuts_are_refused_by_name(part_of):
         ({"pull": "0, 0, 0"}, "no direction"),
         ({"pull": "0, 0, inf"}, "three numbers"),
         ({"split": "3 pints"}, "split"),
-        ({"wal": "3 mm"}, "unknown entry 'wal'"),
+        ({"wal": "3 mm"}, "has no argument 'wal'"),
         ({"wall": "3 kg"}, "wall"),
         ({"wall": True}, "must be a number"),
         ({"clearance": -0.001}, "0 or more"),
     ],
 )
 def test_what_no_workshop_can_make_is_a_sentence(settings, told):
-    with pytest.raises(MouldError, match=told):
+    with pytest.raises((MouldError, sm.ArgumentError), match=told):
         sm.mould(sm.HollowDisk.variant("shadow"), **settings)
 
 
@@ -210,7 +210,7 @@ def test_parts_that_cannot_be_parted_are_refused(part_of):
     half = part_of("half", BLOCK, HOLE, (-1, -6, -6, 30, 6, 12), planes=("y = 0 mm",), **ONE)
     with pytest.raises(sm.GeometryError, match="one of 2 equal pieces"):
         sm.mould(half, pull="0, 0, 1")
-    with pytest.raises(MouldError, match="not of a int"):
+    with pytest.raises(MouldError, match="not of 3"):
         sm.mould(3)
 
 

@@ -238,9 +238,9 @@ WRONG = {
     "a strain from 2 % on": (FINE - 1, 25e3 * (FINE - FINE**-2), "these are strains; add 1 to them"),
     "stress in MPa": (GOOD, 0.025 * (GOOD - GOOD**-2), "a factor 1000"),
     "an offset": (GOOD, 25e3 * (GOOD - GOOD**-2 + 1), "take the load cell's offset away"),
-    "unequal": (GOOD, GOOD[1:], "21 values of stretch and 20 of stress"),
-    "nothing": ([], [], "0 points, and 4 are needed"),
-    "a hole": (GOOD, [*GOOD[1:], float("nan")], "finite numbers"),
+    "unequal": (GOOD, GOOD[1:], "21 stretches and 20 stresses"),
+    "nothing": ([], [], "the curve is empty"),
+    "a hole": (GOOD, [*GOOD[1:], float("nan")], "must be a finite number"),
     "words": (["a"] * 4, [1.0] * 4, "not a number"),
     "unsorted": (GOOD[[0, 2, 1, 3, 4, 5]], GOOD[:6] - 1, "does not rise"),
 }

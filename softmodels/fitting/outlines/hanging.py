@@ -60,14 +60,24 @@ class Hanging:
         heights_from: One of `softmodels.fitting.options.HEIGHTS_FROM`; empty for the shadow, or for the apex where the
             undeformed top is not flat.
 
+    Raises:
+        OutlineFitError: ``heights_from`` for a device without loads whose top is flat: it makes no difference.
+
     Attributes:
         loaded: Whether it has dead loads; without any it is undeformed, and all heights count from there.
+        from_apex: Whether the user has stated that heights count from the apex, so that the top need not be flat.
     """
 
     def __init__(self, silhouette: Silhouette, sensitivity: Sensitivity, heights_from: str = ""):
         self.silhouette, self.sensitivity = silhouette, sensitivity
         self.solver, self.system = sensitivity.solver, silhouette.system
         self.loaded = bool(self.system.dead.loads)
+        if heights_from and not self.loaded and silhouette.flat:
+            raise OutlineFitError(
+                "what heights count from (--heights-from) matters where the device hangs under loads or its undeformed top is "
+                "not flat; this one is flat and the case has none, so leave it out, or add [gravity]"
+            )
+        self.from_apex = heights_from in ("apex", "undeformed")
         self.heights_from = heights_from or ("shadow" if silhouette.flat else "apex")
         self._now: _Hung | None = None
 
@@ -135,9 +145,10 @@ class Hanging:
             )
 
     def told(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> str:
-        """The loads, and what heights count from, as a sentence; without loads whether the weight matters. See `state`."""
+        """The loads, and what heights count from, as a sentence; without loads whether the weight matters; see `state`."""
         if not self.loaded:
-            return self._weightless()
+            apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
+            return "; ".join(filter(None, (apex, self._weightless())))
         dead, level = self.system.dead, self.level(values, lengths)
         loads = ", ".join(f"{one.where} ({n:.3g} N)" for one, n in zip(dead.loads, dead.amounts, strict=True))
         side = "below" if level < 0.0 else "above"

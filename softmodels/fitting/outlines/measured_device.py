@@ -18,7 +18,6 @@ from softmodels.fitting.outlines.kept_loads import measured_parts
 from softmodels.fitting.problem import FitError
 from softmodels.materials.material import Material
 from softmodels.mechanics.contact import Obstacle
-from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.parts import Part, PartError
 from softmodels.mechanics.sheet import Sheet
@@ -41,7 +40,8 @@ class MeasuredDevice:
         obstacle: A plane that it comes to rest on.
         parts: What else is added to it.
         solver: See `softmodels.case.case.Case`.
-        heights_from: What heights count from where it hangs under loads, see `softmodels.fitting.outlines.hanging.Hanging`.
+        heights_from: What heights count from where it hangs under loads or its top is not flat, see
+            `softmodels.fitting.outlines.hanging.Hanging`.
     """
 
     actuator: Actuator
@@ -79,23 +79,14 @@ class MeasuredDevice:
         return cls(as_section(device), device.name)
 
     def counting_from(self, heights_from: str) -> MeasuredDevice:
-        """The same device with heights that count from there; see `heights_from`, empty to leave it.
-
-        Raises:
-            FitError: Without loads it is at zero pressure what it is undeformed.
-        """
-        if heights_from and not any(isinstance(part, LoadPart) for part in self.parts):
-            raise FitError(
-                "what heights count from (--heights-from) matters where the device hangs under loads, and the case has none; "
-                "leave it out, or add [gravity]"
-            )
+        """The same device with heights that count from there; see `heights_from`, empty to leave it."""
         return dataclasses.replace(self, heights_from=heights_from or self.heights_from)
 
     def model(self, choice: LawChoice, comm: MPI.Comm) -> DeviceModel:
         """The device under a law, meshed and compiled.
 
         Raises:
-            FitError: It cannot be meshed or compiled.
+            FitError: It cannot be meshed or compiled; or ``heights_from`` makes no difference to it.
         """
         from softmodels.mechanics.body import Body, BodyError
         from softmodels.mechanics.compiling import CompilingError, compiling

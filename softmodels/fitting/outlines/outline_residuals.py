@@ -24,7 +24,6 @@ from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.outlines.shadow import shadow_of
 from softmodels.fitting.outlines.shapes import Shape
-from softmodels.fitting.outlines.silhouette import Silhouette
 from softmodels.fitting.problem import CannotEvaluate
 from softmodels.mechanics.system import State
 from softmodels.results.quadratic_curve import QuadraticCurve
@@ -44,14 +43,14 @@ class OutlineResiduals:
         label: What it is.
 
     Raises:
-        OutlineFitError: The device's top is not flat when undeformed, and outlines count their heights from a flat one.
+        OutlineFitError: The device's top is not flat when undeformed, and nothing states that heights count from its apex.
 
     Attributes:
         fixed: Parameters whose derivatives nobody needs: their columns stay zero.
     """
 
     def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines"):
-        _check_flat(model.silhouette)
+        _check_flat(model)
         self.model, self.shapes, self.label = model, tuple(shapes), label
         self.volumes = tuple(f"volume{i + 1}" for i in range(len(shapes)))
         self.parameters = (*model.names, *BENCH, *self.volumes)
@@ -131,11 +130,12 @@ class OutlineResiduals:
         return J
 
 
-def _check_flat(silhouette: Silhouette) -> None:
-    if not silhouette.flat:
+def _check_flat(model: DeviceModel) -> None:
+    if not model.silhouette.flat and not model.hanging.from_apex:
         raise OutlineFitError(
-            f"the undeformed top of the device is {silhouette.unevenness * 1e3:.3g} mm from flat, and heights of outlines "
-            "are counted from a flat surface: fit to the rises of its apex instead, as a table of heights"
+            f"the undeformed top of the device is {model.silhouette.unevenness * 1e3:.3g} mm from flat, and heights of "
+            "outlines count from a flat surface unless you state another: --heights-from apex if they count from the apex "
+            "at zero pressure; or fit to the rises of the apex instead, as a table of heights"
         )
 
 
