@@ -285,15 +285,16 @@ class _Task:
         comparison = compare([trial.fit for trial in trials.values()])
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
         first: Trial[Source] = next(iter(trials.values()))
-        devices = []
-        for one in first.sources:
-            told = one.model.told(one.own(first.fit.values))
-            notes = [*notes, *([f"{one.device}: {told}" if one.device else told] if told else [])]
-            name, kind = one.device or self.devices[0].name, type(one.model.system.body.actuator).__name__
-            devices.append(f"{name}: {kind}, {one.in_words}")
-        return FitReport(
-            tuple(laws), comparison, self.curves, how, devices=tuple(devices), notes=tuple(map(spoken, notes))
-        )
+        words = [self._in_words(source, first.fit) for source in first.sources]
+        notes = [*notes, *(told for _, told in words if told)]
+        devices = tuple(device for device, _ in words)
+        return FitReport(tuple(laws), comparison, self.curves, how, devices=devices, notes=tuple(map(spoken, notes)))
+
+    def _in_words(self, source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> tuple[str, str]:
+        """A device with what was measured, and what its loads and heights are, the latter perhaps empty."""
+        name, kind = source.device or self.devices[0].name, type(source.model.system.body.actuator).__name__
+        told = source.model.told(source.own(fit.values))
+        return f"{name}: {kind}, {source.in_words}", f"{source.device}: {told}" if source.device and told else told
 
     def _law[Source: (OutlineResiduals, HeightResiduals)](
         self, trial: Trial[Source], fit: LeastSquaresFit
