@@ -285,7 +285,7 @@ class _Task:
         comparison = compare([trial.fit for trial in trials.values()])
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
         first: Trial[Source] = next(iter(trials.values()))
-        words = [self._in_words(source, first.fit) for source in first.sources]
+        words: list[tuple[str, str]] = [self._in_words(source, first.fit) for source in first.sources]
         notes = [*notes, *(told for _, told in words if told)]
         devices = tuple(device for device, _ in words)
         return FitReport(tuple(laws), comparison, self.curves, how, devices=devices, notes=tuple(map(spoken, notes)))
