@@ -29,7 +29,7 @@ from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.files import name_of, retire, write_materials
 from softmodels.fitting.fit_report import FitReport
 from softmodels.fitting.law_parameters import known_laws, law_choices
-from softmodels.fitting.outlines.fit_device import fit, fit_heights
+from softmodels.fitting.outlines.fit_device import device_names, fit, fit_heights
 from softmodels.fitting.outlines.reading import OutlineFitError
 from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError
 from softmodels.fitting.tables import as_json, as_text, material_toml, write_curves
@@ -40,7 +40,7 @@ from softmodels.runs.progress import Progress
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("files", metavar="[CASE.toml [OUTLINES...]]", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("files", metavar="[CASE.toml [OUTLINES...]]...", nargs=-1, type=click.Path(path_type=Path))
 @tensile_option()
 @click.option("--heights", type=click.Path(path_type=Path), metavar="HEIGHTS.csv",
               help="Fit the largest deflections at the pressures, as the thesis did, in place of outlines.")  # fmt: skip
@@ -85,6 +85,10 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
     unit of length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' says more.
     Gravity, masses and forces of the case are given: they act in every photograph, in that at zero pressure too.
 
+    With several CASEs, each followed by its OUTLINES, one material is fitted to all of them, as to parts of one cast. What the
+    bench got wrong is each device's own: --fix leak is about all of them, --fix disk.leak about that whose case is called disk.
+    For each device the misfit is reported.
+
     TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius). A file's
     headers say what its columns are, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break counts.
     A modulus without its fit range means nothing: choose the stretches of the device with --stretch.
@@ -96,6 +100,7 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
       softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
       softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
       softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh --poisson 0.49
+      softmodels fit a/case.toml outlines_a/ b/case.toml outlines_b/ --material yeoh
       softmodels fit results/disk/case.toml --heights outlines/heights.csv --material neo-hookean
       python -m softmodels.disk --material results/fit/fitted.toml
 
@@ -183,25 +188,43 @@ def _device_report(options: FitGiven) -> FitReport:
     check_curves_given(options)
     curves = _curves(options) if options["tensile"] else []
     StressError.from_text(options["stress_error"])
-    file, *files = options["files"]
-    try:
-        case = Case.from_file(file)
-    except CaseError as error:
-        raise FitError(str(error)) from None
-    if options["heights"] is not None and files:
+    pairs = _devices(options["files"])
+    if options["heights"] is not None and (len(pairs) > 1 or pairs[0][1]):
         raise OutlineFitError("fit either whole outlines or --heights: one would count the other twice")
     if options["heights"] is not None and options["tensile"]:
         raise OutlineFitError(
             "heights alone have no errors to weigh tensile curves with; give outlines, or fit them apart"
         )
-    if options["heights"] is None and not files:
-        raise OutlineFitError(f"{file} says what was inflated; give its outlines too, or --heights heights.csv")
-    how = fit_options(options, device_changes(options, case.actuator.variable))
+    cases = []
+    for file, files in pairs:
+        try:
+            cases.append(Case.from_file(file))
+        except CaseError as error:
+            raise FitError(str(error)) from None
+        if options["heights"] is None and not files:
+            raise OutlineFitError(f"{file} says what was inflated; give its outlines too, or --heights heights.csv")
+    lengths = {
+        name: case.actuator.variable
+        for name, case in zip(device_names([case.name for case in cases]), cases, strict=True)
+    }
+    how = fit_options(options, device_changes(options, lengths))
     comm = start()
     abort_on_error(comm)
     if options["heights"] is not None:
-        return fit_heights(case, options["heights"], options["laws"], how, comm=comm)
-    return fit(case, files, options["laws"], how, curves=curves, comm=comm)
+        return fit_heights(cases[0], options["heights"], options["laws"], how, comm=comm)
+    devices = [(case, files) for case, (_, files) in zip(cases, pairs, strict=True)]
+    return fit(devices, material=options["laws"], options=how, curves=curves, comm=comm)
+
+
+def _devices(files: Sequence[Path]) -> list[tuple[Path, list[Path]]]:
+    """Case files, each with the outlines that follow it."""
+    pairs: list[tuple[Path, list[Path]]] = []
+    for file in files:
+        if not pairs or file.suffix == ".toml":
+            pairs.append((file, []))
+        else:
+            pairs[-1][1].append(file)
+    return pairs
 
 
 def write(report: FitReport, folder: Path, draw: bool) -> None:

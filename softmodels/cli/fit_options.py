@@ -103,14 +103,21 @@ def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, 
     return _changes(options, units, lambda name: f"{laws}: no parameter {name!r}; there is {known}", value_needed=True)
 
 
-def device_changes(options: FitGiven, lengths: Sequence[str]) -> dict[str, Change]:
-    """The same with a device, whose variable lengths are given; ``--fix leak`` alone keeps it at its nominal value.
+def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, Change]:
+    """The same with devices, whose variable lengths are given by their names; ``--fix leak`` keeps it at its nominal value.
+
+    Of several devices ``leak`` is that of each, and ``NAME.leak`` that of one.
 
     Raises:
         FitError: A text that is no such change, or a name that nothing has.
     """
-    own = {**{name: BENCH_UNITS.get(name, "") for name in (*BENCH, "poisson")}, **dict.fromkeys(lengths, "m")}
+    bench = {name: BENCH_UNITS.get(name, "") for name in BENCH}
+    of = {device: {**bench, **dict.fromkeys(names, "m")} for device, names in lengths.items()}
+    own = {"poisson": "", **{name: unit for units in of.values() for name, unit in units.items()}}
     known = ", ".join(own)
+    if len(of) > 1:
+        own |= {f"{device}.{name}": unit for device, units in of.items() for name, unit in units.items()}
+        known += f", each of them also of one device, such as {next(reversed(of))}.leak"
     return _changes(
         options,
         {**all_parameters(), **own},

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
@@ -26,6 +28,7 @@ from softmodels.mechanics.mpi import speaks
 
 if TYPE_CHECKING:
     from measurement.outline.outline import Outline
+    from softmodels.case.material_errors import MaterialErrors
     from softmodels.fitting.outlines.measured_device import MeasuredDevice
 
 
@@ -62,9 +65,10 @@ def score(
     """Score materials against held-out tensile curves, or against outlines of a device.
 
     Nothing of the material is fitted. For each measurement: the root mean square of predicted less measured, chi squared per
-    value (1 is as good as the measurement; a law that is 10 standard errors off has 100), how many values lie within the
-    95 % band of the measurement's error, and where the material is furthest off. With outlines, what the bench may have got
-    wrong (an offset of the pressure, a leak, the zero plane) is fitted along, as in a fit.
+    value (1 is as good as the measurement; a law that is 10 standard errors off has 100), which part of it the errors of the
+    measurement explain and which those of the material (known of a fitted.toml: the 95 % region of its covariance, the band of
+    a run), how many values lie within the 95 % band of the measurement's error, and where the material is furthest off.
+    With outlines, what the bench may have got wrong (offset of the pressure, leak, zero plane) is fitted along, as in a fit.
 
     \b
     Examples:
@@ -91,11 +95,16 @@ def score(
         read = [*files, *map(Path, names), *(Path(text.rpartition(":")[0] or text) for text in options["tensile"])]
         asked = {**options, "names": names, "files": [str(file) for file in files]}
         folder = open_folder(output, Path("results/score"), "scores", asked, read) if speaks() else None
-        scores = [score_curve(name, one, curve, error) for curve in curves for name, one in materials.items()]
+        errors = _errors(names)
+        scores = [
+            score_curve(name, one, curve, error, errors.get(name))
+            for curve in curves
+            for name, one in materials.items()
+        ]
     except (FitError, MaterialError, OwnFolderError, TensileError, UnitError) as trouble:
         fail(str(trouble))
     if device is not None:
-        scores += _outline_scores(materials, device, outlines)
+        scores += _outline_scores(materials, device, outlines, errors)
     if folder is None:
         return
     try:
@@ -131,14 +140,31 @@ def _device(files: tuple[Path, ...], options: ScoreGiven) -> tuple[MeasuredDevic
     return device, read_outlines(files[1:], options["untrusted"])
 
 
-def _outline_scores(materials: dict[str, Material], device: MeasuredDevice, outlines: list[Outline]) -> list[Score]:
+def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:
+    """The errors of materials that are a fit's files."""
+    from softmodels.case.material_errors import MaterialErrors
+
+    found = {}
+    for name in names:
+        if name.endswith(".toml"):
+            with contextlib.suppress(MaterialError):  # a material by hand, or a fit without intervals
+                found[name] = MaterialErrors.from_file(Path(name))
+    return found
+
+
+def _outline_scores(
+    materials: dict[str, Material],
+    device: MeasuredDevice,
+    outlines: list[Outline],
+    errors: dict[str, MaterialErrors],
+) -> list[Score]:
     from softmodels.mechanics.mpi import abort_on_error, start
     from softmodels.results.outcomes import FAILED
 
     comm = start()
     abort_on_error(comm)
     try:
-        return against_outlines(materials, device, outlines, comm)
+        return against_outlines(materials, device, outlines, comm, errors)
     except FitError as error:
         fail(str(error), FAILED)
         raise
@@ -150,10 +176,13 @@ def as_text(scores: list[Score]) -> str:
     for data in dict.fromkeys(one.data for one in scores):
         lines.append(f"{data}:")
         lines.append(
-            f"  {'material':34s} {'values':>6s} {'rms':>11s} {'chi2/value':>11s} {'in 95 % band':>13s}  furthest off"
+            f"  {'material':34s} {'values':>6s} {'rms':>11s} {'chi2/value':>11s} {'of measurement':>15s} "
+            f"{'of material':>12s} {'in 95 % band':>13s}  furthest off"
         )
         for one in sorted((s for s in scores if s.data == data), key=lambda s: s.chi2):
             rms = f"{one.rms / 1e3:.3g} kPa" if one.unit == "Pa" else f"{one.rms * 1e3:.3g} mm"
-            numbers = f"{one.count:6d} {rms:>11s} {one.chi2:11.4g} {100 * one.coverage:11.1f} %"
+            material = f"{one.chi2_material:.3g}" if math.isfinite(one.chi2_material) else "unknown"
+            chi2 = f"{one.chi2:11.4g} {one.chi2_measurement:15.3g} {material:>12s}"
+            numbers = f"{one.count:6d} {rms:>11s} {chi2} {100 * one.coverage:11.1f} %"
             lines.append(f"  {one.material:34s} {numbers}  {one.worst}")
     return "\n".join(lines)

@@ -26,7 +26,7 @@ class FitReport:
         curves: Measured curves within the fit's range.
         how: The weighting in words.
         apart: Curves that contradict each other, with a fit of each alone; None where they go together.
-        device: The device in words; empty for curves alone.
+        devices: Each device in words; empty for curves alone.
         notes: What was left out, and why.
         photographs: By law: each photograph with its fitted state; empty but for outlines.
     """
@@ -36,7 +36,7 @@ class FitReport:
     curves: tuple[TensileCurve, ...]
     how: str
     separate: SeparateFits | None = None
-    device: str = ""
+    devices: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     photographs: Mapping[str, Sequence[MatchedPhotograph]] = dataclasses.field(default_factory=dict)
 
@@ -53,13 +53,13 @@ class FitReport:
 
     @property
     def ranges(self) -> list[str]:
-        """The device and what was left out of its measurements; which part of each curve was fitted, and what was left out."""
+        """The devices and what was left out of its measurements; which part of each curve was fitted, and what was left out."""
         curves = [
             f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
             + "".join(f"; {remark}" for remark in c.remarks)
             for c in self.curves
         ]
-        return [*([self.device] if self.device else []), *self.notes, *curves]
+        return [*self.devices, *self.notes, *curves]
 
     @property
     def verdict(self) -> str:

@@ -69,6 +69,7 @@ class Parameter:
         hidden: No one asks for its value: reports leave it out.
         title: What reports call it; its name if empty.
         answers: Bounds at which it may end, because the user or nature has set them.
+        device: The device whose own it is in a fit of several, with a dot the beginning of its name; else empty.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Parameter:
     hidden: bool = False
     title: str = ""
     answers: tuple[float, ...] = ()
+    device: str = ""
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.start):
@@ -94,6 +96,11 @@ class Parameter:
     def words(self) -> str:
         """What reports call it."""
         return self.title or self.name
+
+    @property
+    def own_name(self) -> str:
+        """Its name without that of its device."""
+        return self.name.removeprefix(f"{self.device}.") if self.device else self.name
 
     @property
     def logarithmic(self) -> bool:

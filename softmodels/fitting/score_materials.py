@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from measurement.arguments import checked, flag, several, span
 from measurement.one_at_a_time import one_at_a_time
 from measurement.outline.outline import Outline
+from measurement.wording import known_are
 from softmodels.case.case import Case
+from softmodels.case.material_errors import MaterialErrors
 from softmodels.fitting.curves.columns import TensileError
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit_curves import Curves, prepared
@@ -39,6 +42,7 @@ def score(
     *,
     device: Actuator | Case | MeasuredDevice | None = None,
     outlines: Outlines = (),
+    errors: Mapping[str, MaterialErrors | Path | str] = MappingProxyType({}),
     stretch: tuple[float, float] | None = None,
     stress_error: str = "auto",
     untrusted: bool = False,
@@ -54,6 +58,8 @@ def score(
         curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
         device: What was inflated, with ``outlines``.
         outlines: Outlines of it, or the files or folders that a measurement has written.
+        errors: Of fitted materials, by their names: ``report.chosen.errors``, or the ``fitted.toml`` that ``fit`` has written.
+            Scores then report how much of the misfit they explain.
         stretch: Range of stretch of the curves; None for the whole curves.
         stress_error: Standard error of the measured stress, such as ``"2%+0.5kPa"``; ``"auto"`` is 2 % and the curve's noise.
         untrusted: Whether outlines are taken that the measurement does not trust.
@@ -64,8 +70,10 @@ def score(
     Raises:
         TensileError: A curve cannot be used, or a material has no stress somewhere on it.
         FitError: Outlines cannot be used, or the device has no such states under a material.
+        MaterialError: Errors that are none, or those of another material.
     """
     known = _named(materials)
+    uncertain = _errors(errors, known)
     measured = several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
     ready = prepared(measured, span("stretch", stretch)) if measured else []
     given = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
@@ -75,9 +83,11 @@ def score(
     if not ready and not given:
         raise FitError("there is nothing to score against; give a tensile curve, or a device with its outlines")
     error = error_of(stress_error)
-    scores = [score_curve(name, one, curve, error) for curve in ready for name, one in known.items()]
+    scores = [
+        score_curve(name, one, curve, error, uncertain.get(name)) for curve in ready for name, one in known.items()
+    ]
     if device is not None:
-        scores += against_outlines(known, device, outlines_of(given, untrusted), start())
+        scores += against_outlines(known, device, outlines_of(given, untrusted), start(), uncertain)
     places = {data: place for place, data in enumerate(dict.fromkeys(one.data for one in scores))}
     return sorted(scores, key=lambda one: (places[one.data], one.chi2))
 
@@ -110,8 +120,9 @@ def against_outlines(
     device: Actuator | Case | MeasuredDevice,
     outlines: Sequence[Outline],
     comm: MPI.Comm,
+    errors: Mapping[str, MaterialErrors] = MappingProxyType({}),
 ) -> list[Score]:
-    """Scores of materials against outlines of a device; see `score_outlines`.
+    """Scores of materials against outlines of a device, with their errors by name; see `score_outlines`.
 
     Raises:
         FitError: The device has no such states under a material, which is named.
@@ -119,10 +130,22 @@ def against_outlines(
     scores = []
     for name, material in materials.items():
         try:
-            scores.append(score_outlines(name, material, device, outlines, comm))
+            scores.append(score_outlines(name, material, device, outlines, comm, errors.get(name)))
         except FitError as error:
             raise FitError(f"{name}: {error}") from error
     return scores
+
+
+def _errors(
+    errors: Mapping[str, MaterialErrors | Path | str], materials: Mapping[str, Material]
+) -> dict[str, MaterialErrors]:
+    found = {}
+    for name, given in errors.items():
+        if name not in materials:
+            raise FitError(f"errors of {name!r} are given, which is not scored; {known_are(name, list(materials))}")
+        found[name] = given if isinstance(given, MaterialErrors) else MaterialErrors.from_file(Path(given))
+        found[name].check(materials[name])
+    return found
 
 
 def _named(materials: Materials) -> dict[str, Material]:

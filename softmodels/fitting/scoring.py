@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import brentq
+from scipy.special import chdtri
 
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.stress_error import StressError
@@ -25,17 +27,22 @@ if TYPE_CHECKING:
     from geometries import Actuator
     from measurement.outline.outline import Outline
     from softmodels.case.case import Case
+    from softmodels.case.material_errors import MaterialErrors
     from softmodels.fitting.outlines.measured_device import MeasuredDevice
 
 Array = npt.NDArray[np.float64]
 
 WITHIN = 1.959964
 """Half of the 95 % band of a normal error, in standard errors."""
+BAND = 0.95
+"""Share of its errors within which a material may be another one."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Score:
     """One material against one measurement.
+
+    ``chi2`` is the sum of what the measurement's errors, the material's errors and neither explain.
 
     Attributes:
         material: Its name as asked for.
@@ -45,6 +52,10 @@ class Score:
         unit: Pa or m.
         chi2: Chi squared per value (per degree of freedom where the bench is fitted along): 1 where the law is off by no
             more than the measurement's error.
+        chi2_measurement: The part of ``chi2`` that the measurement's errors explain: 1, or less where ``chi2`` has less left.
+        chi2_material: The part that goes away when the material moves within the 95 % region of its errors (the covariance of
+            its fit), to where it follows the measurement best; nan where they are not known. What is left of ``chi2`` neither
+            explains: the law, the geometry, the mesh, another cast.
         coverage: Share of the values within the 95 % band of the measurement's error about the prediction.
         worst: Where the law is furthest off, in words.
     """
@@ -57,9 +68,45 @@ class Score:
     chi2: float
     coverage: float
     worst: str
+    chi2_measurement: float = math.nan
+    chi2_material: float = math.nan
+
+    def __post_init__(self) -> None:
+        left = self.chi2 - (self.chi2_material if math.isfinite(self.chi2_material) else 0.0)
+        object.__setattr__(self, "chi2_measurement", min(left, 1.0))
 
 
-def score_curve(name: str, material: Material, curve: TensileCurve, error: StressError) -> Score:
+def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErrors) -> float:
+    """Largest drop of chi squared as a material moves within the 95 % region of its errors; to first order.
+
+    Args:
+        residuals: In standard errors, at the least squares of what is free beside the material, shape (n,).
+        slopes: Their derivatives by the parameters of the errors, shape (n, p).
+        free: Their derivatives by what is free, which moves along, shape (n, m).
+        errors: The material's.
+    """
+    moves = slopes @ errors.roots
+    if free.shape[1]:
+        size = np.linalg.norm(free, axis=0)
+        basis = np.linalg.qr(free / np.where(size == 0.0, 1.0, size))[0]
+        moves = moves - basis @ (basis.T @ moves)
+    curvature, vectors = np.linalg.eigh(moves.T @ moves)
+    slope = vectors.T @ (moves.T @ residuals)
+    reach = math.sqrt(chdtri(len(slope), 1 - BAND))
+
+    def step(shift: float) -> Array:
+        return np.asarray(-slope / np.maximum(curvature + shift, 1e-300))
+
+    shift, most = 0.0, float(np.linalg.norm(slope)) / reach  # at which the step is within reach whatever the curvature
+    if most > 0.0 and np.linalg.norm(step(0.0)) > reach:
+        shift = float(brentq(lambda trial: float(np.linalg.norm(step(trial))) - reach, 0.0, most))
+    taken = step(shift) if most > 0.0 else np.zeros_like(slope)
+    return -float(2 * slope @ taken + curvature @ taken**2)
+
+
+def score_curve(
+    name: str, material: Material, curve: TensileCurve, error: StressError, errors: MaterialErrors | None = None
+) -> Score:
     """Hold a material against a measured curve.
 
     Args:
@@ -67,6 +114,7 @@ def score_curve(name: str, material: Material, curve: TensileCurve, error: Stres
         material: The law.
         curve: The measured ramp.
         error: Standard error of the stress.
+        errors: Those of the material's numbers, if they are known.
 
     Raises:
         TensileError: The law has no stress somewhere on the curve.
@@ -80,13 +128,23 @@ def score_curve(name: str, material: Material, curve: TensileCurve, error: Stres
     at = int(np.argmax(np.abs(sizes)))
     share = f", {100 * off[at] / curve.stress[at]:+.3g} %" if curve.stress[at] else ""
     worst = f"{off[at] / 1e3:+.3g} kPa at stretch {curve.stretch[at]:.4g} ({sizes[at]:+.2g} standard errors{share})"
+    explained = math.nan
+    if errors is not None:
+        slopes = respond(material, curve.stretch, curve.mode, errors.names).slopes / error.of(curve)[:, None]
+        explained = _explained(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
     return Score(
-        name, f"{curve.name} ({curve.mode})", len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst
-    )
+        name, f"{curve.name} ({curve.mode})", len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst,
+        chi2_material=explained,
+    )  # fmt: skip
 
 
 def score_outlines(
-    name: str, material: Material, case: Actuator | Case | MeasuredDevice, outlines: Sequence[Outline], comm: MPI.Comm
+    name: str,
+    material: Material,
+    case: Actuator | Case | MeasuredDevice,
+    outlines: Sequence[Outline],
+    comm: MPI.Comm,
+    errors: MaterialErrors | None = None,
 ) -> Score:
     """Hold a material against outlines of a device: the law as it is, what the bench may have got wrong fitted along.
 
@@ -96,6 +154,7 @@ def score_outlines(
         case: The device, alone or of a case.
         outlines: Its measured outlines.
         comm: Processes that solve together.
+        errors: Those of the material's numbers, if they are known.
 
     Raises:
         FitError: The device has no such states under this law, or cannot be the one in the photographs.
@@ -126,7 +185,17 @@ def score_outlines(
     worst = f"{told} ({sizes[at]:+.2g} standard errors)"
     label = f"{len(shapes)} outlines of {measured.name}"
     freedom = max(len(fit.residuals) - len(fit.free), 1)
-    return Score(name, label, fit.count, _rms(off), "m", fit.deviance / freedom, _covered(sizes), worst)
+    explained = math.nan
+    if errors is not None:
+        source.fixed = source.fixed - set(errors.names)
+        _, J, _ = source.evaluate(fit.values, True)
+        assert J is not None
+        slopes = np.zeros((len(fit.residuals), len(errors.names)))  # the bench's priors know nothing of the material
+        slopes[: fit.count] = J[:, [source.parameters.index(one) for one in errors.names]]
+        explained = _explained(fit.residuals, slopes, fit.jacobian, errors) / freedom
+    return Score(
+        name, label, fit.count, _rms(off), "m", fit.deviance / freedom, _covered(sizes), worst, chi2_material=explained
+    )
 
 
 def _rms(values: Array) -> float:
@@ -145,7 +214,22 @@ def write_scores(path: Path, scores: Sequence[Score]) -> None:
     """Every number as CSV, one row per material and measurement."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["material", "data", "values", "rms", "unit", "chi2_per_value", "coverage_95", "worst"])
+        rows.writerow(
+            [
+                "material",
+                "data",
+                "values",
+                "rms",
+                "unit",
+                "chi2_per_value",
+                "chi2_measurement",
+                "chi2_material",
+                "coverage_95",
+                "worst",
+            ]
+        )
         for one in scores:
-            numbers = [f"{one.rms:.9g}", one.unit, f"{one.chi2:.9g}", f"{one.coverage:.6g}"]
+            material = f"{one.chi2_material:.9g}" if math.isfinite(one.chi2_material) else ""
+            chi2 = [f"{one.chi2:.9g}", f"{one.chi2_measurement:.9g}", material]
+            numbers = [f"{one.rms:.9g}", one.unit, *chi2, f"{one.coverage:.6g}"]
             rows.writerow([one.material, one.data, one.count, *numbers, one.worst])

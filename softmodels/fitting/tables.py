@@ -81,6 +81,10 @@ def as_text(report: FitReport) -> str:
             lines.append(f"  correlation of {name}: " + ", ".join(f"{p.name} {text}" for p, text in pairs))
         for name, rms, mean, largest, run in residual_rows(law):
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residuals keep together over {run}")
+        lines += [
+            f"  {one.device}: chi squared {one.chi2:.4g} of {one.count} values ({one.chi2 / one.count:.3g} per value)"
+            for one in law.devices
+        ]
         lines += [f"  {text}" for text in (law.material.remark,) if text]
         lines += [f"  {'not sound' if text in law.objections else 'warning'}: {text}" for text in law.warnings]
         lines += [f"  {text}" for text in (*unseen(law.fit), *law.verdict.notes)]
@@ -159,6 +163,7 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
         "free": [fit.free[i].name for i in shown],
         "covariance": [[_finite(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
         "correlations": [[_finite(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
+        "devices": [{"name": one.device, "chi2": one.chi2, "values": one.count} for one in law.devices],
         "singular_values": singular_values(fit)[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {

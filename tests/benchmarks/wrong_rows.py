@@ -30,6 +30,7 @@ from softmodels.fitting.believable import expected, hold_against
 from softmodels.fitting.law_parameters import LawChoice
 from softmodels.fitting.outlines.bench import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR, Bench
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, fit_heights
+from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
 from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
 from softmodels.fitting.outlines.trials import try_outlines
@@ -162,7 +163,7 @@ def verdict(inflation, series: Sequence[Outline]) -> tuple[bool, str, FittedLaw 
     known = expected("ecoflex-00-30")
     try:
         shapes, _ = prepare(series, inflation.system.body.actuator, inflation.silhouette.width)
-        trial = try_outlines(inflation, shapes, Bench(), changes=HOLD)
+        trial = try_outlines([OutlineResiduals(inflation, shapes)], Bench(), changes=HOLD)
     except FitError as error:
         return False, str(error), None
     material = inflation.material(trial.fit.values)

@@ -16,10 +16,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import softmodels as sm
 from geometries import HollowDisk
 from measurement.outline.outline import Outline
 from measurement.own_folder import OwnFolder
 from softmodels.case.case import Case
+from softmodels.case.material_errors import MaterialErrors
 from softmodels.cli.fit_command import fit_material
 from softmodels.cli.score_command import score
 from softmodels.fitting.law_parameters import LawChoice
@@ -300,3 +302,9 @@ def test_scores_of_materials_on_a_device(case, outlines, measured, tmp_path):
     assert 0.4 < chi2[true] < 1.8 and chi2[wrong] > 5 * chi2[true], chi2
     assert float(rows[true]["coverage_95"]) > 0.85 and rows[true]["unit"] == "m" and float(rows[true]["rms"]) < 30e-6
     assert "standard errors" in rows[true]["worst"] and "7 outlines of disk" in done.output
+    # Off by one error of c1: moved back within its band, to first order, nothing but the measurement's misfit is left.
+    off, folder = Yeoh(1.05 * 14e3, TRUE["c2"], TRUE["c3"], 0.49), outlines(*measured)
+    known = MaterialErrors(("c1",), ((700.0**2,),))
+    (one,) = sm.score({"off": off}, device=Case.from_file(case), outlines=folder, errors={"off": known})
+    assert one.chi2 > chi2[true] and one.chi2_measurement <= 1.0
+    assert one.chi2 - one.chi2_material == pytest.approx(chi2[true], rel=0.05)

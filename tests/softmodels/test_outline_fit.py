@@ -166,7 +166,7 @@ def test_poisson_near_a_half_is_not_seen(inflation):
     outlines = simulated_outlines(device, HARDENING, PRESSURES, Camera(), rng=np.random.default_rng(4))
     source = source_of(device, outlines)
     fixed = {"c3": {"start": 100.0, "fixed": True}, "poisson": {"lower": 0.47, "upper": 0.5}}
-    found = fit_law_to_outlines(source, Bench((*BENCH, "membrane", "poisson")), changes=fixed)
+    found = fit_law_to_outlines(source, bench=Bench((*BENCH, "membrane", "poisson")), changes=fixed)
     low, high = profile(found, "poisson", 5).interval
     assert low == 0.47 and high == 0.5
 

@@ -9,6 +9,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.__main__ import softmodels as whole_command
+from softmodels.case.material_errors import MaterialErrors
 from softmodels.fitting.curves.columns import TensileError
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.stress_error import StressError
@@ -46,6 +47,69 @@ def test_a_wrong_material_is_clearly_worse():
     right, wrong = (score_curve("it", law, curve, ERROR) for law in (LAW, Yeoh(9.6e3, 90.0, 0.5, 0.5)))
     assert wrong.chi2 > 20 * right.chi2 and wrong.coverage < 0.3 and wrong.rms > 4 * right.rms
     assert "kPa at stretch" in wrong.worst and "standard errors" in wrong.worst
+
+
+def test_a_misfit_is_told_apart():
+    """Laws drawn from their own covariance: their errors explain what the measurement's do not; a wrong law they do not."""
+    curve, rng = measured(), np.random.default_rng(8)
+    size = np.array([800.0, 9.0])
+    errors = MaterialErrors(("c1", "c2"), ((size[0] ** 2, 0.0), (0.0, size[1] ** 2)))
+    drawn = [Yeoh(*(np.array([LAW.c1, LAW.c2]) + size * rng.normal(size=2)), LAW.c3, 0.5) for _ in range(20)]
+    scores = [score_curve("it", law, curve, ERROR, errors) for law in drawn]
+    assert max(one.chi2 for one in scores) > 20
+    left = np.array([one.chi2 - one.chi2_material for one in scores])
+    assert np.sum(np.abs(left - 1.0) < 0.1) >= 17  # 95 % of them, within chance
+    for one in scores:
+        assert one.chi2_measurement == pytest.approx(min(one.chi2 - one.chi2_material, 1.0), rel=1e-12)
+    exact = score_curve("it", LAW, curve, ERROR, errors)
+    assert 0.0 <= exact.chi2_material < 0.01
+    wrong = score_curve("it", NeoHookean(20e3, 0.5), curve, ERROR, MaterialErrors(("shear_modulus",), ((100.0,),)))
+    assert wrong.chi2 > 20 and wrong.chi2_material < 0.2 * wrong.chi2 and wrong.chi2_measurement == 1.0
+    unknown = score_curve("it", LAW, curve, ERROR)
+    assert np.isnan(unknown.chi2_material) and unknown.chi2_measurement == min(unknown.chi2, 1.0)
+
+
+def test_what_errors_explain_in_closed_form():
+    """One number, stress in proportion to it: the least squares where the band reaches them, else the band's end."""
+    curve, law, size = measured(NeoHookean(20e3, 0.5)), NeoHookean(21e3, 0.5), 1e3
+    found = score_curve("it", law, curve, ERROR, MaterialErrors(("shear_modulus",), ((size**2,),)))
+    stress, sigma = respond(law, curve.stretch, "uniaxial").stress, ERROR.of(curve)
+    r, g = (stress - curve.stress) / sigma, stress / 21e3 * size / sigma
+    assert abs(g @ r) / (g @ g) < 1.96
+    assert found.chi2_material == pytest.approx((g @ r) ** 2 / (g @ g) / len(r), rel=1e-9)
+    found = score_curve("it", law, curve, ERROR, MaterialErrors(("shear_modulus",), ((100.0**2,),)))
+    moved = r - 1.959964 * g / 10  # the true one is 10 standard errors away: the band ends before it
+    assert found.chi2_material == pytest.approx((r @ r - moved @ moved) / len(r), rel=1e-6)
+
+
+def test_a_fitted_file_brings_its_errors(says, tmp_path):
+    """From the command and from Python, of a fit to one curve scored against another cast's."""
+    fit = "fit --tensile pull.csv --material yeoh --stress-error 2%+0.2kPa --gauge-error 5% --no-pictures -o fit"
+    status, _, complaint = says(fit)
+    assert status == 0, complaint
+    other = measured(Yeoh(8.4e3, 95.0, 0.5, 0.5), seed=5, count=90)
+    rows = [f"{a:.9g},{b:.9g}" for a, b in zip(other.stretch, other.stress, strict=True)]
+    (tmp_path / "other.csv").write_text("\n".join(["stretch,stress (Pa)", *rows]) + "\n")
+    asked = (
+        "score --tensile other.csv --stress-error 2%+0.2kPa --material ecoflex-00-30 --material fit/fitted.toml -o out"
+    )
+    status, out, _ = says(asked)
+    assert status == 0 and "of measurement" in out and "of material" in out and "unknown" in out
+    with (tmp_path / "out" / "scores.csv").open() as file:
+        rows = {row["material"]: row for row in csv.DictReader(file)}
+    assert rows["ecoflex-00-30"]["chi2_material"] == ""
+    fitted = {name: float(rows["fit/fitted.toml"][f"chi2_{name}"]) for name in ("per_value", "measurement", "material")}
+    assert fitted["per_value"] > 2.0 and fitted["per_value"] - fitted["material"] < 1.3 and fitted["material"] > 0.5
+    options = sm.FitOptions(stress_error="2%+0.2kPa", gauge_error=0.05)
+    report = sm.fit_curves("pull.csv", "yeoh", options)
+    for errors in (report.chosen.errors, "fit/fitted.toml"):
+        given = {"it": report.material}
+        (one,) = sm.score(given, "other.csv", stress_error="2%+0.2kPa", errors={"it": errors})
+        assert one.chi2_material == pytest.approx(fitted["material"], rel=1e-3)
+    with pytest.raises(sm.FitError, match="errors of 'that' are given, which is not scored"):
+        sm.score({"it": LAW}, "other.csv", errors={"that": report.chosen.errors})
+    with pytest.raises(ValueError, match="another material"):
+        sm.score({"it": LAW}, "other.csv", errors={"it": report.chosen.errors})
 
 
 @pytest.mark.parametrize("law", [LAW, Ogden((15e3, 30.0), (1.4, 5.5), 0.5), Gent(20e3, 60.0, 0.49)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -83,4 +84,32 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
             for name, value in model.lengths.items()
         },
     }
-    return [p if p.name in bench.free else dataclasses.replace(p, fixed=True) for p in made.values()]
+    return [
+        dataclasses.replace(
+            p,
+            name=source.named(name),
+            fixed=name not in bench.free,
+            device="" if source.named(name) == name else source.device,
+        )
+        for name, p in made.items()
+    ]
+
+
+def all_nuisances(sources: Sequence[OutlineResiduals], bench: Bench) -> list[Parameter]:
+    """Those of all devices of a fit: what is free is so for each device that has it, or by its full name for one.
+
+    Raises:
+        OutlineFitError: A name that no device has.
+    """
+    found: dict[str, Parameter] = {}
+    known = [(*BENCH, "poisson", *source.model.lengths) for source in sources]
+    for name in bench.free:
+        if not any(
+            name in (own, source.named(own)) for source, names in zip(sources, known, strict=True) for own in names
+        ):
+            nuisances(sources[0], Bench((name,)))
+    for source, names in zip(sources, known, strict=True):
+        free = tuple(name for name in names if {name, source.named(name)} & set(bench.free))
+        for p in nuisances(source, Bench(free)):
+            found.setdefault(p.name, p)
+    return list(found.values())

@@ -53,9 +53,10 @@ def corrections(fit: LeastSquaresFit) -> list[str]:
     for p, away in _away(fit):
         value = fit.values[p.name]
         if abs(away) > REPORTED or (p.unit == "" and abs(value) > PLAIN):
-            says, advice = WORDS[p.name]
+            says, advice = WORDS[p.own_name]
+            of = f"{p.device}: " if p.device else ""
             said.append(
-                f"corrected: the fit takes {says(value)} ({abs(away):.1f} times what is expected of a bench); {advice}"
+                f"{of}corrected: the fit takes {says(value)} ({abs(away):.1f} times what is expected of a bench); {advice}"
             )
     return said
 
@@ -64,10 +65,11 @@ def unbelievable(fit: LeastSquaresFit) -> list[str]:
     """A sentence on each correction of the pressures that no bench needs."""
     said = []
     for p, away in _away(fit):
-        if p.name not in ("scale", "zero") and abs(away) > BELIEVED:
-            says, advice = WORDS[p.name]
+        if p.own_name not in ("scale", "zero") and abs(away) > BELIEVED:
+            says, advice = WORDS[p.own_name]
+            of = f"{p.device}: " if p.device else ""
             said.append(
-                f"to follow the outlines the fit takes {says(fit.values[p.name])} {abs(away):.0f} times what is "
+                f"{of}to follow the outlines the fit takes {says(fit.values[p.name])} {abs(away):.0f} times what is "
                 f"believable: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
             )
     return said
@@ -78,5 +80,5 @@ def _away(fit: LeastSquaresFit) -> list[tuple[Parameter, float]]:
     return [
         (p, (fit.values[p.name] - p.prior.mean) / p.prior.error)
         for p in fit.free
-        if p.name in WORDS and p.prior and math.isfinite(fit.values[p.name])
+        if p.own_name in WORDS and p.prior and math.isfinite(fit.values[p.name])
     ]

@@ -21,18 +21,18 @@ from softmodels.fitting.curves.curve_residuals import residuals_of, stretches_of
 from softmodels.fitting.curves.fit_curves import Curves, prepared
 from softmodels.fitting.curves.stress_error import StressError
 from softmodels.fitting.fit_report import FitReport
-from softmodels.fitting.fitted_law import FittedLaw
+from softmodels.fitting.fitted_law import DeviceMisfit, FittedLaw
 from softmodels.fitting.law_parameters import LawChoice, Laws, all_parameters, law_choices
 from softmodels.fitting.options import DEFAULTS, FitOptions
 from softmodels.fitting.outlines.bench import Bench
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, read_heights
 from softmodels.fitting.outlines.measured_device import MeasuredDevice
-from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
+from softmodels.fitting.outlines.outline_residuals import OutlineResiduals, residuals_by_source
 from softmodels.fitting.outlines.pressure_course import Row
-from softmodels.fitting.outlines.reading import kept, read_outlines
+from softmodels.fitting.outlines.reading import OutlineFitError, kept, read_outlines
 from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.outlines.trials import Trial, try_heights, try_outlines
-from softmodels.fitting.problem import Changes
+from softmodels.fitting.problem import Changes, FitError
 from softmodels.fitting.profile import profile
 from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.stability import judge
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 PROFILE_POINTS = 6
 """Values at which a parameter is held for its profile: each is a fit of its own."""
+type Device = Actuator | Case | MeasuredDevice
+type Outlines = Sequence[Outline | Path | str] | Path | str
 HEIGHTS_ALONE = (
     "heights alone cannot tell a leak, an offset or a unit of the pressures, a unit of length or the zero plane from the "
     "silicone: nothing of it is corrected, and the intervals are widened by what is believable of each; whole outlines see more"
@@ -52,46 +54,115 @@ HEIGHTS_ALONE = (
 @checked
 @one_at_a_time
 def fit(
-    device: Actuator | Case | MeasuredDevice,
-    outlines: Sequence[Outline | Path | str] | Path | str,
+    device: Device | Sequence[tuple[Device, Outlines]],
+    outlines: Outlines = (),
     material: Laws = "yeoh",
     options: FitOptions = DEFAULTS,
     *,
     curves: Curves = (),
     comm: MPI.Comm | None = None,
 ) -> FitReport:
-    """Fit laws to outlines of a device at all pressures, perhaps together with tensile curves.
+    """Fit laws to outlines of one device or of several of one cast at all pressures, perhaps together with tensile curves.
+
+    Several devices have the material in common; what the bench got wrong and lengths are each device's own: parameters called
+    ``leak``, ``zero`` ... of one device are ``NAME.leak``, ``NAME.zero`` ... of several. ``options.free`` and
+    ``options.changes`` are about all of them, or by such a name about one; ``options.without`` takes ``NAME/4.jpg``. NAME is
+    that of the case, or the geometry's; a name that two have gets a number (``disk-2``).
 
     Args:
-        device: What was inflated.
-        outlines: Outlines, or the files or folders that a measurement has written.
+        device: What was inflated; or pairs of what was inflated and its outlines.
+        outlines: Outlines, or the files or folders that a measurement has written; nothing where ``device`` has pairs.
         material: A law's name or class, or several of them; ``"all"`` compares all.
         options: How.
         curves: Tensile curves to fit at the same time, or their files (see `softmodels.fitting.curves.fit_curves.prepared`).
         comm: Processes that solve together; None for all.
 
     Returns:
-        The laws with their error bars, best first; ``report.material`` is the one to simulate with.
+        The laws with their error bars, best first; ``report.material`` is the one to simulate with, and
+        ``report.chosen.devices`` has the chi squared of each device.
 
     Raises:
         FitError: Bad input, or no law could be fitted.
         UnsoundError: The measurements contradict each other.
     """
     _check_how(options, comm)
-    outlines = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
-    given = [outline for outline in outlines if isinstance(outline, Outline)]
-    files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
-    if files or not given:
-        given += read_outlines(files, options.untrusted, options.without)
-    else:
-        given = [given[i] for i in kept([(outline.source, None) for outline in given], options.without)]
+    pairs = _pairs(device, outlines)
+    measured = [MeasuredDevice.of(one).counting_from(options.heights_from) for one, _ in pairs]
+    names = device_names([one.name for one in measured])
     task = _Task(
-        MeasuredDevice.of(device).counting_from(options.heights_from),
+        tuple(dataclasses.replace(one, name=name) for one, name in zip(measured, names, strict=True)),
         law_choices(material, options.poisson),
         options,
         tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"))),
     )
-    return task.with_outlines(given, comm or start())
+    if len(pairs) == 1:
+        found = [_outlines_of(pairs[0][1], options.untrusted, options.without)]
+    else:
+        without = _without_by_device(options.without, names)
+        found = [
+            [
+                dataclasses.replace(one, source=f"{name}/{one.source}")
+                for one in _outlines_of(given, options.untrusted, left)
+            ]
+            for (_, given), name, left in zip(pairs, names, without, strict=True)
+        ]
+    return task.with_outlines(found, comm or start())
+
+
+def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
+    """What was inflated, each with its outlines.
+
+    Raises:
+        FitError: Pairs that are none, or outlines beside them.
+    """
+    if not isinstance(device, Sequence) or isinstance(device, str):
+        return [(device, outlines)]  # type: ignore[list-item]
+    if not device or not all(
+        isinstance(one, Sequence) and not isinstance(one, str) and len(one) == 2 for one in device
+    ):
+        raise FitError(
+            "several devices are given as pairs of a device and its outlines, such as [(disk, 'outlines_a'), (membrane, "
+            "'outlines_b')]"
+        )
+    if not isinstance(outlines, Sequence) or len(outlines):
+        raise FitError("each of several devices comes with its own outlines in a pair; leave the argument outlines out")
+    return [(one, given) for one, given in device]
+
+
+def _outlines_of(given: Outlines, untrusted: bool, without: Sequence[str]) -> list[Outline]:
+    outlines = several("outlines", given, (Outline, Path, str), "an outline, or a file or folder of outlines")
+    found = [outline for outline in outlines if isinstance(outline, Outline)]
+    files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
+    if files or not found:
+        return [*found, *read_outlines(files, untrusted, without)]
+    return [found[i] for i in kept([(outline.source, None) for outline in found], without)]
+
+
+def device_names(names: Sequence[str]) -> list[str]:
+    """What devices are called in a fit of several: their names, numbered where two have the same."""
+    found: list[str] = []
+    for name in names:
+        number, one = 1, name
+        while one in found:
+            number += 1
+            one = f"{name}-{number}"
+        found.append(one)
+    return found
+
+
+def _without_by_device(without: Sequence[str], names: Sequence[str]) -> list[list[str]]:
+    """Names of photographs to leave out, by device.
+
+    Raises:
+        OutlineFitError: A name that does not begin with that of a device.
+    """
+    for text in without:
+        if not any(text.startswith(f"{name}/") for name in names):
+            raise OutlineFitError(
+                f"--without {text}: with several devices, name the photograph's device too, such as {names[0]}/{text}; the "
+                f"devices are {', '.join(names)}"
+            )
+    return [[text.removeprefix(f"{name}/") for text in without if text.startswith(f"{name}/")] for name in names]
 
 
 @checked
@@ -122,7 +193,7 @@ def fit_heights(
         heights = read_heights(Path(heights), options.untrusted, options.without)
     heights = several("heights", heights, Height, "a height, or the table heights.csv")
     task = _Task(
-        MeasuredDevice.of(device).counting_from(options.heights_from),
+        (MeasuredDevice.of(device).counting_from(options.heights_from),),
         law_choices(material, options.poisson),
         options,
         (),
@@ -139,20 +210,26 @@ def _check_how(options: object, comm: object) -> None:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Task:
-    """A device, laws, and how to fit them."""
+    """Devices of one material, laws, and how to fit them."""
 
-    device: MeasuredDevice
+    devices: tuple[MeasuredDevice, ...]
     choices: Sequence[LawChoice]
     options: FitOptions
     curves: tuple[TensileCurve, ...]
 
     @property
     def known(self) -> Expected:
-        return expected(self.options.silicone, self.device.material)
+        return expected(self.options.silicone, next((one.material for one in self.devices if one.material), None))
 
     def notes(self, more: Sequence[str] = ()) -> list[str]:
         """What is not known, and what was left out."""
         left_out = [f"{name} is left out, as --without says" for name in self.options.without]
+        named = dict.fromkeys(one.material for one in self.devices if one.material)
+        if len(named) > 1 and self.options.silicone is None:
+            more = [
+                *more,
+                f"the cases name {len(named)} materials; the fit is held against that of {self.devices[0].name}",
+            ]
         return [*filter(None, (caution(self.known), *more)), *left_out]
 
     def changes(self, choice: LawChoice) -> Changes:
@@ -160,17 +237,20 @@ class _Task:
         foreign = all_parameters().keys() - set(choice.names)
         return {name: change for name, change in self.options.changes.items() if name not in foreign}
 
-    def with_outlines(self, outlines: Sequence[Outline], comm: MPI.Comm) -> FitReport:
-        notes, rows = self.notes(), tuple[Row, ...]()
+    def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> FitReport:
+        notes, rows = self.notes(), tuple[tuple[Row, ...], ...]()
         error, bench = StressError.from_text(self.options.stress_error), Bench(self.options.free)
         trials: dict[str, Trial[OutlineResiduals]] = {}
         for choice in self.choices:
-            model = self.device.model(choice, comm)
-            shapes, more = prepare(outlines, self.device.actuator, model.silhouette.width)
-            notes += [note for note in more if note not in notes]
+            devices = []
+            for device, own in zip(self.devices, outlines, strict=True):
+                model = device.model(choice, comm)
+                shapes, more = prepare(own, device.actuator, model.silhouette.width)
+                notes += [note for note in more if note not in notes]
+                devices.append(OutlineResiduals(model, shapes, device=device.name if len(self.devices) > 1 else ""))
             sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error)
             extra = dataclasses.replace(extra, sources=sources)
-            trial = try_outlines(model, shapes, bench, extra, self.changes(choice), self.options.loss, rows)
+            trial = try_outlines(devices, bench, extra, self.changes(choice), self.options.loss, rows)
             trials[choice.name], rows = trial, trial.rows
         notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
         robust = ", outliers counted by their size" if self.options.robust else ""
@@ -179,13 +259,18 @@ class _Task:
         how = f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free}{tests}"
         report = self._report(trials, notes, how)
         # Solved again where a profile was the last to be asked for, by all ranks together.
-        states = {law.choice.name: trials[law.choice.name].source.matches(law.fit.values) for law in report.laws}
+        states = {
+            law.choice.name: [
+                one for source in trials[law.choice.name].sources for one in source.matches(law.fit.values)
+            ]
+            for law in report.laws
+        }
         return dataclasses.replace(report, photographs=states)
 
     def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> FitReport:
         trials: dict[str, Trial[HeightResiduals]] = {}
         for choice in self.choices:
-            model = self.device.model(choice, comm)
+            model = self.devices[0].model(choice, comm)
             checked = check_heights(heights, model.silhouette.width)
             trials[choice.name] = try_heights(model, checked, self.changes(choice), self.options.loss)
         how = (
@@ -199,28 +284,48 @@ class _Task:
     ) -> FitReport:
         comparison = compare([trial.fit for trial in trials.values()])
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
-        first = next(iter(trials.values()))
-        told: str = first.source.model.told(first.fit.values)
-        notes = [*notes, *filter(None, [told])]
-        device = f"{self.device.name}: {type(self.device.actuator).__name__}, {first.source.in_words}"
-        return FitReport(tuple(laws), comparison, self.curves, how, device=device, notes=tuple(map(spoken, notes)))
+        first: Trial[Source] = next(iter(trials.values()))
+        words: list[tuple[str, str]] = [self._in_words(source, first.fit) for source in first.sources]
+        notes = [*notes, *(told for _, told in words if told)]
+        devices = tuple(device for device, _ in words)
+        return FitReport(tuple(laws), comparison, self.curves, how, devices=devices, notes=tuple(map(spoken, notes)))
+
+    def _in_words(self, source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> tuple[str, str]:
+        """A device with what was measured, and what its loads and heights are, the latter perhaps empty."""
+        name, kind = source.device or self.devices[0].name, type(source.model.system.body.actuator).__name__
+        told = source.model.told(source.own(fit.values))
+        return f"{name}: {kind}, {source.in_words}", f"{source.device}: {told}" if source.device and told else told
 
     def _law[Source: (OutlineResiduals, HeightResiduals)](
         self, trial: Trial[Source], fit: LeastSquaresFit
     ) -> FittedLaw:
-        model = trial.source.model
-        choice: LawChoice = model.choice
-        stretch = _largest_stretch(trial.source, fit)
+        first = trial.sources[0].model
+        choice: LawChoice = first.choice
+        stretch = max(_largest_stretch(source, fit) for source in trial.sources)
         strain = 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
         low, high = stretches_of(self.curves) or (1.0, stretch)
         over = (min(low, 1.0), max(high, stretch))
-        material = dataclasses.replace(model.material(fit.values), fitted_stretch=over)
+        material = dataclasses.replace(first.material(fit.values), fitted_stretch=over)
         judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
-        law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement)
+        law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement, self._misfits(trial, fit))
         if not (law.sound and self.options.profiles):
             return law
         wanted = [p.name for p in fit.free if p.name in (*choice.names, "poisson")]
         return dataclasses.replace(law, profiles={name: profile(fit, name, PROFILE_POINTS) for name in wanted})
+
+    def _misfits[Source: (OutlineResiduals, HeightResiduals)](
+        self, trial: Trial[Source], fit: LeastSquaresFit
+    ) -> tuple[DeviceMisfit, ...]:
+        """Of heights none: their errors follow from the misfit."""
+        sources: list[OutlineResiduals] = []
+        for source in trial.sources:
+            if isinstance(source, OutlineResiduals):
+                sources.append(source)
+        parts = residuals_by_source(sources, fit.residuals)
+        return tuple(
+            DeviceMisfit(source.device or self.devices[0].name, float((part**2).sum()), len(part))
+            for source, part in zip(sources, parts, strict=False)
+        )
 
 
 def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
@@ -228,5 +333,5 @@ def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquar
     from softmodels.results.fields import Fields
 
     state = source.largest_state(fit.values)
-    source.model.set_parameters(fit.values)
+    source.model.set_parameters(source.own(fit.values))
     return float(Fields(source.model.solver).figures(state).max_stretch)

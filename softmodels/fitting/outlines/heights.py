@@ -133,7 +133,7 @@ class HeightResiduals:
         heights: Measured heights, checked.
     """
 
-    unit, errors = "mm", 1.0
+    unit, errors, device = "mm", 1.0, ""
 
     def __init__(self, model: DeviceModel, heights: Sequence[Height], label: str = "heights"):
         self.model, self.heights, self.label = model, tuple(heights), label
@@ -148,6 +148,10 @@ class HeightResiduals:
         """How much was measured."""
         top = float(self.measured.max())
         return f"{len(self.heights)} heights to {top * 1e3:.4g} mm at {self.pressures[-1] / 1e3:.4g} kPa"
+
+    def own(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """The fit's values by the names that they have in this device: the same."""
+        return values
 
     def largest_state(self, values: Mapping[str, float]) -> State:
         """The state of the largest pressure at parameter values."""

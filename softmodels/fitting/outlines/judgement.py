@@ -8,7 +8,7 @@ import numpy as np
 
 from softmodels.fitting.outlines.corrections import corrections, unbelievable
 from softmodels.fitting.outlines.heights import HeightResiduals
-from softmodels.fitting.outlines.outline_residuals import READINGS, OutlineResiduals, fits_badly, misfits
+from softmodels.fitting.outlines.outline_residuals import OutlineResiduals, fits_badly, misfits, residuals_by_source
 from softmodels.fitting.outlines.pressure_course import Row
 from softmodels.fitting.outlines.wrong_rows import by_course, by_fit, reading
 from softmodels.fitting.result import LeastSquaresFit
@@ -23,28 +23,36 @@ ERRORS = 5.0
 
 
 def judge_outlines(
-    source: OutlineResiduals, fit: LeastSquaresFit, rows: Sequence[Row], good: Callable[[Sequence[str]], bool]
+    sources: Sequence[OutlineResiduals],
+    fit: LeastSquaresFit,
+    rows: Sequence[Sequence[Row]],
+    good: Callable[[Sequence[str]], bool],
 ) -> Judgement:
     """Hold a fit to outlines against chance, and against what a device and a bench can be.
 
     Args:
-        source: The outlines.
+        sources: The outlines of each device.
         fit: Their fit.
-        rows: The series of their pressures over their heights.
+        rows: Of each device the series of its pressures over its heights.
         good: Whether a fit without photographs of these names is within chance.
     """
-    found = {name: pair for name, pair in misfits(source, fit.residuals).items() if fits_badly(*pair)}
-    warnings = tuple(
-        f"{'the pressures' if name == READINGS else name}: the law cannot follow {'them' if name == READINGS else 'it'} (chi "
-        f"squared {chi2:.0f} of {count} values)"
-        for name, (chi2, count) in found.items()
-    )
-    if found:
-        wrong = by_course(rows) or by_fit(fit, _photographs(source, fit), rows, good)
+    bad: list[int] = []
+    warnings: list[str] = []
+    for k, (source, residuals) in enumerate(zip(sources, residuals_by_source(sources, fit.residuals), strict=True)):
+        found = {name: pair for name, pair in misfits(source, residuals).items() if fits_badly(*pair)}
+        bad += [k] if found else []
+        of = f" of {source.device}" if source.device else ""
+        warnings += [
+            f"{f'the pressures{of}' if name == source.readings else name}: the law cannot follow "
+            f"{'them' if name == source.readings else 'it'} (chi squared {chi2:.0f} of {count} values)"
+            for name, (chi2, count) in found.items()
+        ]
+    for k in bad:
+        wrong = by_course(rows[k]) or by_fit(fit, _photographs(sources, k, fit), rows[k], good)
         if wrong:  # what the fit has bent to follow it means nothing
-            return Judgement((wrong.whole,), warnings)
-    objections = (*(_beyond(source, fit) if found else ()), *unbelievable(fit))
-    return Judgement(objections, warnings, () if objections else tuple(corrections(fit)))
+            return Judgement((wrong.whole,), tuple(warnings))
+    objections = (*(text for k in bad for text in _beyond(sources[k], fit)), *unbelievable(fit))
+    return Judgement(objections, tuple(warnings), () if objections else tuple(corrections(fit)))
 
 
 def judge_heights(source: HeightResiduals, fit: LeastSquaresFit) -> Judgement:
@@ -63,14 +71,17 @@ def judge_heights(source: HeightResiduals, fit: LeastSquaresFit) -> Judgement:
     return Judgement()
 
 
-def within_chance(source: OutlineResiduals, fit: LeastSquaresFit) -> bool:
+def within_chance(sources: Sequence[OutlineResiduals], fit: LeastSquaresFit) -> bool:
     """Whether a fit follows every photograph and the readings within their errors, with a bench that can be."""
-    return not any(fits_badly(*pair) for pair in misfits(source, fit.residuals).values()) and not unbelievable(fit)
+    parts = zip(sources, residuals_by_source(sources, fit.residuals), strict=True)
+    return not any(fits_badly(*pair) for one in parts for pair in misfits(*one).values()) and not unbelievable(fit)
 
 
-def _photographs(source: OutlineResiduals, fit: LeastSquaresFit) -> list[str]:
-    """Name of the photograph of each measured residual; that of a reading is its photograph's."""
-    names = [*source.groups.tolist()[: source.count - len(source.shapes)], *(shape.source for shape in source.shapes)]
+def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: LeastSquaresFit) -> list[str]:
+    """Name of the photograph of each measured residual of the k-th source; that of a reading is its photograph's."""
+    source, before = sources[k], sum(one.count for one in sources[:k])
+    outlines = source.groups.tolist()[: source.count - len(source.shapes)]
+    names = [*[""] * before, *outlines, *(shape.source for shape in source.shapes)]
     return [*names, *[""] * (fit.count - len(names))]
 
 

@@ -41,6 +41,7 @@ class OutlineResiduals:
         model: The device and its law.
         shapes: Measured outlines, prepared.
         label: What it is.
+        device: What comes before the names of what is this device's own in a fit of several (`named`); empty for one alone.
 
     Raises:
         OutlineFitError: The device's top is not flat when undeformed, and nothing states that heights count from its apex.
@@ -49,20 +50,31 @@ class OutlineResiduals:
         fixed: Parameters whose derivatives nobody needs: their columns stay zero.
     """
 
-    def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines"):
+    def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
         _check_flat(model)
-        self.model, self.shapes, self.label = model, tuple(shapes), label
-        self.volumes = tuple(f"volume{i + 1}" for i in range(len(shapes)))
-        self.parameters = (*model.names, *BENCH, *self.volumes)
+        self.model, self.shapes, self.label, self.device = model, tuple(shapes), label, device
+        self._own_volumes = tuple(f"volume{i + 1}" for i in range(len(shapes)))
+        self._own_names = (*model.names, *BENCH, *self._own_volumes)
+        self.volumes = tuple(map(self.named, self._own_volumes))
+        self.parameters = tuple(map(self.named, self._own_names))
+        self.readings = f"{device}/{READINGS}" if device else READINGS
         self.most = max(shape.pressure for shape in shapes)
         labels = [shape.source for shape in shapes for _ in shape.weight]
-        self.groups = np.array([*labels, *[READINGS] * len(shapes)])
+        self.groups = np.array([*labels, *[self.readings] * len(shapes)])
         self.fixed: frozenset[str] = frozenset()
         self._known: tuple[tuple[float, ...], list[MatchedPhotograph]] | None = None
 
     @property
     def count(self) -> int:
         return len(self.groups)
+
+    def named(self, name: str) -> str:
+        """A parameter's name in the fit: the material's are common to all devices, the others its own."""
+        return name if not self.device or name in (*self.model.choice.names, "poisson") else f"{self.device}.{name}"
+
+    def own(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The fit's values by the names that they have in this device alone."""
+        return {name: values[self.named(name)] for name in self._own_names}
 
     @property
     def in_words(self) -> str:
@@ -93,15 +105,16 @@ class OutlineResiduals:
         """Each photograph with its state at parameter values."""
         key = tuple(float(values[name]) for name in self.parameters)
         if self._known is None or self._known[0] != key:
-            states = self.model.states(values, [values[name] for name in self.volumes])
-            lengths = self.model.set_parameters(values)
+            own = self.own(values)
+            states = self.model.states(own, [own[name] for name in self._own_volumes])
+            lengths = self.model.set_parameters(own)
             made = [
                 MatchedPhotograph(
                     shape,
                     state,
                     self.model.curve(state, lengths),
                     self.model.pressure(state),
-                    values,
+                    own,
                     self.most,
                 )
                 for shape, state in zip(self.shapes, states, strict=True)
@@ -111,12 +124,12 @@ class OutlineResiduals:
 
     def _jacobian(self, values: Mapping[str, float], matches: Sequence[MatchedPhotograph]) -> Array:
         J = np.zeros((self.count, len(self.parameters)))
-        column = {name: i for i, name in enumerate(self.parameters)}
-        self.model.set_parameters(values)
+        column = {name: i for i, name in enumerate(self._own_names)}
+        self.model.set_parameters(self.own(values))
         first, reading = 0, self.count - len(matches)
-        for fitting, volume in zip(matches, self.volumes, strict=True):
+        for fitting, volume in zip(matches, self._own_volumes, strict=True):
             rows = slice(first, first + len(fitting.shape.weight))
-            names = [name for name in self.model.names if name not in self.fixed]
+            names = [name for name in self.model.names if self.named(name) not in self.fixed]
             slopes = self.model.slopes(fitting.state, names)
             for name in names:
                 J[rows, column[name]] = fitting.moved(slopes.nodes[name])
@@ -193,8 +206,13 @@ class MatchedPhotograph:
         }
 
 
+def residuals_by_source(sources: Sequence[OutlineResiduals], residuals: Array) -> list[Array]:
+    """The residuals of each source of a fit whose first sources they are."""
+    return np.split(residuals, np.cumsum([source.count for source in sources]))[: len(sources)]
+
+
 def misfits(source: OutlineResiduals, residuals: Array) -> dict[str, tuple[float, int]]:
-    """Chi squared of each photograph's outline, and of the readings, with the number of residuals."""
+    """Chi squared of each photograph's outline, and of the readings, with the number of residuals, the source's the first."""
     found = {}
     for name in dict.fromkeys(source.groups.tolist()):
         part = residuals[: source.count][source.groups == name]

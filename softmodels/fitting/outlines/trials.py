@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from softmodels.fitting.outlines.bench import Bench, nuisances
+from softmodels.fitting.outlines.bench import Bench, all_nuisances
 from softmodels.fitting.outlines.check import series_of, series_of_shapes
 from softmodels.fitting.outlines.device_model import DeviceModel
 from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_heights
@@ -16,7 +16,6 @@ from softmodels.fitting.outlines.judgement import judge_heights, judge_outlines,
 from softmodels.fitting.outlines.law_fit import fit_law_to_outlines
 from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
 from softmodels.fitting.outlines.pressure_course import Row
-from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.wrong_rows import by_course
 from softmodels.fitting.problem import NOTHING_ELSE, CannotEvaluate, Changes, Extra, FitError, UnsoundError
 from softmodels.fitting.result import LeastSquaresFit
@@ -28,70 +27,75 @@ class Trial[Source: (OutlineResiduals, HeightResiduals)]:
     """A law's fit.
 
     Attributes:
-        source: What it was fitted to.
+        sources: What it was fitted to, one for each device.
         fit: The fit.
         judgement: What speaks against it.
-        rows: The series of pressures over heights, of outlines.
+        rows: Of each device the series of pressures over heights, of outlines.
     """
 
-    source: Source
+    sources: tuple[Source, ...]
     fit: LeastSquaresFit
     judgement: Judgement
-    rows: tuple[Row, ...] = ()
+    rows: tuple[tuple[Row, ...], ...] = ()
 
 
 def try_outlines(
-    device: DeviceModel,
-    shapes: Sequence[Shape],
+    sources: Sequence[OutlineResiduals],
     bench: Bench,
     extra: Extra = NOTHING_ELSE,
     changes: Changes = MappingProxyType({}),
     loss: str = "linear",
-    rows: Sequence[Row] = (),
+    rows: Sequence[Sequence[Row]] = (),
 ) -> Trial[OutlineResiduals]:
     """Fit a law to all outlines, and look for those that contradict the others where the fit is beyond chance.
 
     Args:
-        device: The device under the law.
-        shapes: The outlines, prepared.
+        sources: The devices under the law, each with its outlines.
         bench: What is free beside the law.
         extra: Further sources, such as tensile curves, and their parameters.
         changes: See `fit_law_to_outlines`.
         loss: See `fit_law_to_outlines`.
-        rows: The series, if another law's trial has it already: all laws are then fitted to the same photographs.
+        rows: The series, if another law's trial has them already: all laws are then fitted to the same photographs.
 
     Raises:
         UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
         FitError: The fit fails.
     """
-    nuisances(OutlineResiduals(device, shapes), bench)  # names that nothing has, before anything is solved
-    rows = rows or series_of_shapes(device, shapes)
-    wrong = by_course(rows)
-    doubted = wrong.names if wrong else ()
+    all_nuisances(sources, bench)  # names that nothing has, before anything is solved
+    series = tuple(tuple(one) for one in rows or [series_of_shapes(one.model, one.shapes) for one in sources])
+    wrong = [found for found in map(by_course, series) if found]
+    doubted = [name for found in wrong for name in found.names]
+    said = "; ".join(found.whole for found in wrong)
 
-    def fitted(chosen: Sequence[Shape], doubted: Sequence[str] = ()) -> tuple[OutlineResiduals, LeastSquaresFit]:
-        source = OutlineResiduals(device, chosen)
-        found = fit_law_to_outlines(source, bench, extra=extra, changes=changes, loss=loss, doubted=doubted)
-        return source, found
+    def fitted(
+        without: Sequence[str] = (), doubted: Sequence[str] = ()
+    ) -> tuple[list[OutlineResiduals], LeastSquaresFit]:
+        chosen = []
+        for source in sources:
+            shapes = [shape for shape in source.shapes if shape.source not in without]
+            if shapes:
+                chosen.append(OutlineResiduals(source.model, shapes, device=source.device))
+        fit = fit_law_to_outlines(*chosen, bench=bench, extra=extra, changes=changes, loss=loss, doubted=doubted)
+        return chosen, fit
 
     def good(without: Sequence[str]) -> bool:
         try:
-            return within_chance(*fitted([shape for shape in shapes if shape.source not in without]))
+            return within_chance(*fitted(without))
         except (FitError, CannotEvaluate):
             return False
 
     try:
-        if wrong and wrong.gross:  # a fit that bends to follow such a row takes a minute and means nothing
-            source, fit = fitted([shape for shape in shapes if shape.source not in doubted])
-            return Trial(
-                source, fit, Judgement((f"{wrong.whole} (the numbers reported are of such a fit)",)), tuple(rows)
-            )
-        source, fit = fitted(shapes, doubted)
+        if any(
+            found.gross for found in wrong
+        ):  # a fit that bends to follow such a row takes a minute and means nothing
+            chosen, fit = fitted(doubted)
+            return Trial(tuple(chosen), fit, Judgement((f"{said} (the numbers reported are of such a fit)",)), series)
+        chosen, fit = fitted((), doubted)
     except FitError as error:
         if wrong:
-            raise UnsoundError(f"{wrong.whole} (with all photographs: {error})") from None
+            raise UnsoundError(f"{said} (with all photographs: {error})") from None
         raise
-    return Trial(source, fit, judge_outlines(source, fit, rows, good), tuple(rows))
+    return Trial(tuple(chosen), fit, judge_outlines(chosen, fit, series, good), series)
 
 
 def try_heights(
@@ -113,4 +117,4 @@ def try_heights(
         raise UnsoundError(wrong.whole)
     source = HeightResiduals(device, heights)
     fit = fit_heights(source, changes=changes, loss=loss)
-    return Trial(source, fit, judge_heights(source, fit))
+    return Trial((source,), fit, judge_heights(source, fit))
