@@ -177,7 +177,7 @@ def test_values_without_a_state_are_said(inflation):
         device.states({"shear_modulus": 20e3}, [8e3], "pressure")
     with pytest.raises(CannotEvaluate, match="above zero"):
         device.states({"shear_modulus": 20e3}, [-1e-6])
-    with pytest.raises(CannotEvaluate, match="not a finite"):
+    with pytest.raises(CannotEvaluate, match="must be a finite"):
         device.states({"shear_modulus": float("nan")}, [1e-6])
 
 
