@@ -130,20 +130,23 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None) -> Edge:
         profiles: Light across the edge.
         shading: The photograph, for the shape of its edge and for what ink draws; None for an error function alone.
     """
-    shape, fit = gaussian(), fit_profiles(profiles.offsets, profiles.value, profiles.weight)
+    shape, value = gaussian(), profiles.value
+    fit, drawn = fit_profiles(profiles.offsets, value, profiles.weight), np.zeros(len(value))
+    if shading is not None and shading.drawn is not None:
+        # What ink draws is taken out before the shape is looked for, which would take it for the lamp's or the camera's.
+        ink = fit.top * profiles.drawn(shading.drawn, fit.z, fit.width)
+        value, drawn = value - ink, fit.centre_shift(ink)
+        fit = fit_profiles(profiles.offsets, value, profiles.weight)
     if shading is not None:
         good = _clear(profiles, fit, fit.centre_error(fit.variance))
         if good.sum() >= 10:
             residual = fit.residual / np.maximum(fit.rise, 1e-12)[:, None]
             shape = common_shape(fit.z[good], residual[good], profiles.weight[good] > 0.9, _stored(shading, fit, good))
-            fit = fit_profiles(profiles.offsets, profiles.value, profiles.weight, shape)
+            fit = fit_profiles(profiles.offsets, value, profiles.weight, shape)
     # Samples closer than a pixel repeat each other's noise.
     repeat = BETWEEN * max(1.0, 1.0 / (profiles.offsets[1] - profiles.offsets[0]))
     own, centre = fit.variance, fit.centre
-    error = fit.centre_error(np.maximum(own, np.median(own)) * repeat)
-    if shading is not None and shading.drawn is not None:
-        shift = fit.centre_shift(fit.top * profiles.drawn(shading.drawn, fit.z, fit.width))
-        centre, error = centre - shift, np.hypot(error, DRAWN_ERROR * shift)
+    error = np.hypot(fit.centre_error(np.maximum(own, np.median(own)) * repeat), DRAWN_ERROR * drawn)
     good = _clear(profiles, fit, error)
     spoilt = _spoilt(own, fit.width, good)
     if (spoilt & good).sum() < 0.2 * good.sum():

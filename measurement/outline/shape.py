@@ -100,8 +100,8 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
 
     Returns:
         How far in m it has sunk where a soft body may, negative if it has risen, 0 if that is within the measurement's own
-        error; distance in m
-        that it may not lie off and does, 0 if there is none; and what speaks against the outline, if anything does.
+        error; distance in m by which it may lie off, be it that its ends do not lie at one level, 0 if there is none; and
+        what speaks against the outline, if anything does.
 
     Raises:
         Unmeasurable: It lies so far off that heights mean nothing.
@@ -126,8 +126,15 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
             sunk = max(sunk, -off)
         elif abs(off) > abs(worst):
             worst, tolerance = off, own
+    aslant = _aslant(placed[seen], upwards[seen], error[seen], zero)
     if abs(worst) <= max(UNCLEAR, tolerance):
-        return sunk, 0.0, None
+        if aslant <= ON_SURFACE:
+            return sunk, aslant, None
+        tilted = (
+            f"one end of the surface lies {2e3 * aslant:.2f} mm lower than the other: the actuator, the lamp or the camera "
+            "was tilted since the zero was taken; photograph it at zero pressure again"
+        )
+        return sunk, aslant, tilted
     sentence = (
         f"beside the bulge the surface lies {abs(worst) * 1e3:.2f} mm {'above' if worst > 0.0 else 'below'} the zero plane: "
         "the actuator, the lamp or the camera has moved since the zero was taken; photograph it at zero pressure again"
@@ -136,7 +143,36 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
         raise Unmeasurable(sentence)
     # No pressure lifts the surface; a soft body that was lifted sinks back as it rises (`settling.py` needs to see both).
     sunk = sunk if sunk > 0.0 else -max(worst, 0.0)
-    return sunk, abs(worst), sentence if abs(worst) > max(ON_SURFACE, tolerance) else None
+    return sunk, max(abs(worst), aslant), sentence if abs(worst) > max(ON_SURFACE, tolerance) else None
+
+
+def _aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> float:
+    """Half of what one end of the surface lies lower than the other in m; 0 where that cannot be told from none.
+
+    A body sinks alike at both of its sides, and by any depth, so that only their difference shows one that was tilted. About
+    which of its points is not known, and so by how much its middle was lifted: by no more than its ends.
+
+    Args:
+        placed: Edge as in `check_top`, as far as the zero was seen.
+        upwards: As in `check_top`.
+        error: Standard errors in m, shape (n,).
+        zero: The zero plane; without the body's sides nothing tells where its middle is.
+    """
+    if zero.sides is None:
+        return 0.0
+    half = 0.5 * (zero.extent[1] - zero.extent[0])
+    away = placed[:, 0] - 0.5 * (zero.extent[0] + zero.extent[1])
+    end = (upwards > LEVEL) & (np.abs(away) > (1.0 - 2.0 * ENDS) * half)
+    left, right = (np.flatnonzero(end & (side * away > 0.0)) for side in (-1.0, 1.0))
+    if min(len(left), len(right)) < 5:
+        return 0.0
+    left = left[np.argsort(-away[left])]
+    right = right[(away[right] >= -away[left[0]]) & (away[right] <= -away[left[-1]])]
+    if len(right) < 5:
+        return 0.0
+    lower = float(np.median(placed[right, 1] - np.interp(away[right], -away[left], placed[left, 1])))
+    own = 4.0 * float(np.median(error[np.r_[left, right]]))
+    return 0.5 * abs(lower) if abs(lower) > max(UNCLEAR, own) else 0.0
 
 
 def check_corners(placed: Array) -> str | None:

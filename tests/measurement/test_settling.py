@@ -7,6 +7,9 @@ import pytest
 
 from measurement.outline.outline import Outline
 from measurement.outline.settling import doubts
+from measurement.outline.shape import displacement
+from measurement.outline.sides import Sides
+from measurement.outline.zero import ZeroLine
 
 HEIGHTS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 9.0]) * 1e-3
 X = np.linspace(-0.02, 0.02, 201)
@@ -65,3 +68,22 @@ def test_a_body_moved_for_one_photograph_is_not_trusted_there(at, by):
 def test_few_photographs_tell_nothing():
     found = run(HEIGHTS[:4])
     assert found[0] is None and all("fewer than four" in doubt for doubt in found[1:])
+
+
+@pytest.mark.parametrize(("degrees", "seen"), [(0.0, True), (0.15, True), (-0.15, True), (0.6, True), (0.15, False)])
+def test_a_body_whose_sides_sink_by_different_depths_was_tilted(degrees, seen):
+    """By how much its middle was lifted nothing tells, where it sinks by a depth of its own: no more than its ends."""
+    rng, half, height = np.random.default_rng(3), 14e-3, 7e-3
+    x = np.linspace(-half, half, 500)
+    share = np.abs(x) / half
+    z = height * np.clip(1.0 - (x / 10e-3) ** 2, 0.0, 1.0) ** 3 - 0.9e-3 * share**2 * (3.0 - 2.0 * share)
+    turned = z + np.tan(np.radians(degrees)) * (x - 8e-3) + 2e-6 * rng.normal(size=500)
+    keep = ~((x > -13e-3) & (x < -12.5e-3))  # a speck beside one of them makes it no lower
+    upwards = 1.0 / np.sqrt(1.0 + np.gradient(z, x) ** 2)
+    sides = Sides(-3e-3, 2.0 * half, 0.0, 1e-6) if seen else None
+    zero = ZeroLine(np.zeros(2), np.array([1.0, 0.0]), extent=(-half, half), sides=sides)
+    placed = np.column_stack([x, turned])[keep]
+    sunk, off, doubt = displacement(placed, upwards[keep], np.full(keep.sum(), 2e-6), zero)
+    assert sunk > 0.8e-3
+    assert off == pytest.approx(abs(np.tan(np.radians(degrees))) * 13e-3 * seen, rel=0.08, abs=1e-9)
+    assert (doubt is not None) == (degrees == 0.6)
