@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from softmodels.mechanics.mpi import largest, total
 
@@ -29,6 +28,8 @@ SHARE = 0.005
 """Share of the volume that the mean is taken over."""
 ROUNDED = 2e-3
 """Half width of the rounding of max(x, 0), x = v/q - 1."""
+BISECTIONS = 45
+"""Halvings of the interval for q, down to 6e-14 of the field's largest value."""
 WORDS = f"mean over the {100 * SHARE:g} % of the volume where it is largest"
 
 
@@ -59,6 +60,9 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array) -> tuple[float, f
         above, rate = excess(x)
         return 1.0 + total(comm, float((volumes * (above - (x + 1.0) * rate)).sum())) / whole
 
-    q = float(brentq(slope, 1e-3 * top, 2.0 * top, xtol=1e-13 * top, rtol=1e-13))
+    low, high = 1e-3 * top, 2.0 * top
+    for _ in range(BISECTIONS):  # the slope rises with q; SciPy's root finders would take longer to import than this takes
+        q = 0.5 * (low + high)
+        low, high = (low, q) if slope(q) > 0.0 else (q, high)
     above, _ = excess(values / q - 1.0)
     return q * (1.0 + total(comm, float((volumes * above).sum())) / whole), q
