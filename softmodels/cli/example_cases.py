@@ -121,7 +121,7 @@ bend = "face x = 80 mm"         # mean rotation of the face of its tip
 silicone = "ecoflex-00-30"
 
 [load]
-pressure_cm = "0:40"
+pressure_cm = "0:65"
 """,
     "program.toml": """# a part with two cavities, a series for each: one inflated, the other filled with water and shut
 name = "program"

@@ -61,7 +61,9 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array) -> tuple[float, f
         return 1.0 + total(comm, float((volumes * (above - (x + 1.0) * rate)).sum())) / whole
 
     low, high = 1e-3 * top, 2.0 * top
-    for _ in range(BISECTIONS):  # the slope rises with q; SciPy's root finders would take longer to import than this takes
+    for _ in range(
+        BISECTIONS
+    ):  # the slope rises with q; SciPy's root finders would take longer to import than this takes
         q = 0.5 * (low + high)
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
     above, _ = excess(values / q - 1.0)
