@@ -13,14 +13,11 @@ from measurement.screen.boards import find_charuco, find_chessboard
 from measurement.screen.grid import counted_from, find_grid
 from measurement.screen.known_points import plane_of_points, plane_of_scale
 from measurement.screen.plane import Plane
-from measurement.screen.setup import SetupError
+from measurement.screen.setup import PITCH_ERROR, SetupError
 from measurement.units import number
 
 LARGEST = 0.5
 """Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
-
-PITCH_ERROR = 0.002
-"""Standard error of a pitch as a share of it where none is given: printers scale by some tenths of a percent."""
 
 
 @dataclasses.dataclass(frozen=True)

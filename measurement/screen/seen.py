@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from measurement.camera.camera import Camera
 from measurement.screen.grid import find_grid
 from measurement.screen.overlay import read_picture
-from measurement.screen.setup import Setup
+from measurement.screen.setup import PITCH_ERROR, Setup
 
 
 def setup_from_grid(
@@ -19,6 +19,7 @@ def setup_from_grid(
     camera: Camera | None = None,
     magnification: tuple[float, float] = (1.0, 0.0),
     zero: ArrayLike | None = None,
+    pitch_error: float = PITCH_ERROR,
 ) -> Setup:
     """Find the screen's plane in a photograph of its grid.
 
@@ -29,6 +30,7 @@ def setup_from_grid(
             distortion.
         magnification: The shadow's, and its standard error; see `measurement.screen.setup.magnification`.
         zero: Two pixels (2, 2) on the undeformed surface; None where a photograph at zero pressure shows it.
+        pitch_error: Standard error of the pitch, as a share of it.
 
     Raises:
         GridError: No grid is found.
@@ -39,5 +41,5 @@ def setup_from_grid(
     height, width = picture.shape[:2]
     seen = camera or Camera.ideal(width, height)
     grid = find_grid(picture, seen, pitch)
-    made = Setup(seen, grid.plane(seen), *magnification, grid_pitch=pitch)
+    made = Setup(seen, grid.plane(seen), *magnification, grid_pitch=pitch, pitch_error=pitch_error)
     return made if zero is None else dataclasses.replace(made, zero=made.to_metres(zero))

@@ -31,6 +31,10 @@ class SetupError(ValueError):
     """A setup that cannot be used; the message is a sentence for the user."""
 
 
+PITCH_ERROR = 0.002
+"""Standard error of a pitch as a share of it where none is given: printers scale by some tenths of a percent."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Setup:
     """How pixels become metres.
