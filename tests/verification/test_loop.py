@@ -96,5 +96,5 @@ def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
     low, high = fitted["with"]["intervals_95"]["c1"]
     assert low < truth.c1 < high and not fitted["without"]["intervals_95"]["c1"][0] < truth.c1
     figure(against, "c1, by a fit with gravity", fitted["with"]["values"]["c1"] / truth.c1 - 1, 0.0006)
-    figure(against, "zero plane that the fit corrects", 1e6 * fitted["with"]["values"]["zero"], 3.0, unit="um")
+    figure(against, "zero plane that the fit corrects", 1e6 * fitted["with"]["values"]["zero"], 5.0, unit="um")
     figure(against, "c1, by a fit without gravity", fitted["without"]["values"]["c1"] / truth.c1 - 1, at_least=0.03)
