@@ -35,7 +35,7 @@ PRESSURES = {
     "0:177:1e-9": ["pressure", "0:177:1e-9", "larger step"],
     "1:2:3:4": ["pressure", "1:2:3:4", "from:to"],
     "0": ["pressure", "0", "nothing happens"],
-    "177e3": ["177000 cm", "30 kPa", "units"],
+    "177e3": ["177000 cm", "30 kPa", "correct the modulus"],
 }
 DEVICES = {
     "--membrane=-3mm": ["membrane", "-3 mm"],
