@@ -87,7 +87,7 @@ def inflate(
         sheet: A sheet bonded to a face.
         obstacle: A rigid plane that faces come to rest on.
         parts: What else is added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
-        gauges: Named points and angles that are told in every state.
+        gauges: Named points and angles that every state reports.
         band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
             are computed, or the file of a fit.
         cycle: Whether the pressure is lowered again through the same values, with jumps at limit points.
@@ -103,7 +103,7 @@ def inflate(
         The run. A path that ends before the last requested value comes back with its end in `Run.limit`.
 
     Raises:
-        ArgumentError, CaseError, MaterialError, GeometryError: What cannot be meant, before anything is solved.
+        ArgumentError, CaseError, MaterialError, GeometryError: Invalid input, before anything is solved.
         RunError: No state under load was found; with a folder, also that it cannot be written.
         MeshingError, MeshFileError: The device cannot be meshed.
         OwnFolderError, InUseError, ResultsError: The folder is somebody else's, in use, or of another run.

@@ -71,7 +71,7 @@ def case_of(
         options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; other fields of a `Case` by their names.
 
     Raises:
-        ArgumentError, CaseError: What cannot be meant.
+        ArgumentError, CaseError: Invalid input.
     """
     one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
     chosen = {key: value for key, value in options.items() if value is not None and key != "strokes"}
