@@ -14,6 +14,7 @@ from geometries.errors import FieldError
 from geometries.fields import About
 from geometries.kinds import Text, Words
 from measurement.arguments import checked
+from measurement.read_only import read_only
 from measurement.toml_file import TomlError, read_toml
 from measurement.user_file import read_text
 from softmodels.case import material_table
@@ -47,14 +48,14 @@ class MaterialErrors:
     @property
     def matrix(self) -> npt.NDArray[np.float64]:
         """The covariance, shape (n, n)."""
-        return np.array(self.covariance)
+        return read_only(np.array(self.covariance))
 
     @property
     def roots(self) -> npt.NDArray[np.float64]:
         """Changes of the parameters, independent of each other and of one standard deviation each, shape (n, m)."""
         size = np.sqrt(np.diag(self.matrix))
         values, vectors = np.linalg.eigh(self.matrix / np.outer(size, size))
-        return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+        return read_only(np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))))
 
     @classmethod
     def from_file(cls, path: Path) -> MaterialErrors:

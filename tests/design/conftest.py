@@ -79,7 +79,7 @@ def taylor():
         for key, gradient in here.gradients.items():
             linear = abs(0.25 * step * gradient[i])
             last, before = abs(left[2][key]), abs(left[1][key])
-            if max(linear, last) > 1e-9 * abs(here.values[key]):
+            if max(linear, last) > 1e-8 * abs(here.values[key]):  # states are solved to about 1e-11
                 found[key] = np.log2(before / last) if last else np.inf, last / linear
         return found
 
