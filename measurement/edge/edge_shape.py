@@ -36,6 +36,9 @@ BINS, REACH, FEWEST, KIN = 40, 4.0, 20, 4.0
 """Bins of the mean profile, the widths to which they reach on either side, the least number of samples in one, and how many
 samples err together."""
 
+PARAMETERS = 6
+"""Parameters of the shape that have no prior of their own, or one that is wider than what the profile shows."""
+
 FLOOR, INKED = 6e-4, 3e-3
 """Errors of the mean profile, as a share of the edge's rise, that no number of samples takes away: by the picture's compression
 (JPEG files bend profiles that much), and by the ink that is divided out, where every profile has some."""
@@ -59,14 +62,17 @@ class EdgeShape:
         shift_error: Standard error of the half light's place in it, in widths.
         tone: e, by which the light differs from what the assumed tone curve gives.
         misfit: Root mean square of the mean profile's distance from it in its standard error, with the priors'.
-        on_ink: Whether one side of the edge lies mostly on the grid's lines, which blurs the mean profile.
     """
 
     values: Array
     shift_error: float = 0.0
     tone: float = 0.0
     misfit: float = np.nan
-    on_ink: bool = False
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of the squares of which ``misfit`` is the mean; infinite where no shape was fitted."""
+        return float("inf") if np.isnan(self.misfit) else (BINS - PARAMETERS) * self.misfit**2
 
     def __call__(self, z: Array) -> Array:
         """The step at distances z (...) in widths."""
@@ -87,9 +93,9 @@ def nodes() -> Array:
     return np.arange(-FAR, FAR + 0.5 * STEP, STEP)
 
 
-def gaussian(shift_error: float = 0.0, on_ink: bool = False) -> EdgeShape:
+def gaussian(shift_error: float = 0.0) -> EdgeShape:
     """An error function."""
-    return EdgeShape(ndtr(nodes()), shift_error, on_ink=on_ink)
+    return EdgeShape(ndtr(nodes()), shift_error)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -133,19 +139,19 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: Stored) -> Edge
     on_ink = any(clean[side].mean() < 0.5 for side in sides if side.any())
     place, value, error = _mean_profile(z, residual, np.ones_like(clean) if on_ink else clean)
     if len(place) < BINS // 2:
-        return gaussian(ON_INK, on_ink=True)
+        return gaussian(ON_INK)
     # An edge far out of focus has a grid line in nearly all of its profiles, which leaves more there than e does.
     inked = 1.0 - float(clean.all(axis=1).mean())
     spread = np.hypot(error, np.hypot(FLOOR, INKED * inked))
     fits = [_fitted(place, value, spread, lamp, stored) for lamp in LAMPS]
     lamp, best = min(zip(LAMPS, fits, strict=True), key=lambda pair: float(pair[1].cost))
-    misfit = float(np.sqrt(2.0 * best.cost / (len(place) - 6)))
+    misfit = float(np.sqrt(2.0 * best.cost / (len(place) - PARAMETERS)))
     covariance = np.linalg.pinv(best.jac.T @ best.jac)
     # An asymmetry that is no camera's may be the penumbra's own, as of a deep body's level surface.
     strange = 0.6 * max(0.0, abs(float(best.x[3])) - 3.0 * TONE)
     own = np.sqrt(covariance[0, 0]) * max(1.0, misfit)
     unsure = float(np.linalg.norm([own, ON_INK if on_ink else UNSURE, strange]))
-    return EdgeShape(_shape(best.x, lamp, stored), unsure, float(best.x[3]), misfit, on_ink)
+    return EdgeShape(_shape(best.x, lamp, stored), unsure, float(best.x[3]), misfit)
 
 
 def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:

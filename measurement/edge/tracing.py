@@ -38,11 +38,11 @@ NOISIEST = 50e-6
 FEWEST_POINTS = 40
 
 AUTO = "auto"
-RIGHT, WRONG = 1.5, 3.5
-"""Misfit of the edge's shape (`edge_shape`) up to which its tone is right, and from which none is known to be right."""
+DECISIVE = 12.0
+"""Difference of the tones' chi-squares from which the edge's shape shows which is right; a chance of 1 in 400 that it errs."""
 
-TELLING = 1.3
-"""Ratio of the misfits from which one tone is right and the other wrong."""
+WRONG = 3.5
+"""Misfit of the edge's shape (`edge_shape`) from which no tone is known to be right."""
 
 LARGEST_TONE = 0.2
 """Departure e of the light from the tone curve beyond which it is no camera's."""
@@ -109,26 +109,37 @@ def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "") -> Trace
 
 
 def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
-    """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is its tone if its edge lies on ink.
+    """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is the tone of the run's other photographs.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
-    by up to half of the penumbra's width. So the tone is found as the one in which the edge's mean profile is a lamp's.
+    by up to half of the penumbra's width. A shape with a free departure from the tone curve follows even a wrong one to some
+    extent, so all tones are tried, and the one with the least chi-square is taken if it is decisively less.
     """
     if tone != AUTO:
         return _trace(image, setup, tone)
-    first = _trace(image, setup, "srgb")
-    if first.edge.shape.misfit <= RIGHT and abs(first.edge.shape.tone) < 0.5 * LARGEST_TONE:
+    names = sorted(TONES, key=lambda name: name != (likely or "srgb"))
+    first = _trace(image, setup, names[0])
+    # Where a shape fits this well, no other tone can be decisively better.
+    fits = first.edge.shape.chi_square < DECISIVE
+    if likely and fits:
         return first
-    second = _trace(image, setup, "linear")
-    found = {"srgb": first, "linear": second}
-    best, other = sorted((first, second), key=lambda traced: np.nan_to_num(traced.edge.shape.misfit, nan=np.inf))
-    moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
+    try:
+        second = _trace(image, setup, names[1])
+    except Unmeasurable:
+        if fits:
+            return first
+        raise
+    best, other = sorted((first, second), key=lambda traced: traced.edge.shape.chi_square)
     shape = best.edge.shape
     clear = shape.misfit < WRONG and abs(shape.tone) < LARGEST_TONE
-    if moved <= TONE_HARM or (clear and other.edge.shape.misfit >= TELLING * shape.misfit):
+    # A model that misses the profile by more than its error is no better evidence for missing another by as much more.
+    evidence = (other.edge.shape.chi_square - shape.chi_square) / max(1.0, shape.misfit**2)
+    moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
+    if moved <= TONE_HARM or (clear and evidence >= DECISIVE):
         return best
-    if likely in found and shape.on_ink:
-        return found[likely]
+    # Without evidence against it, not even a shape, a photograph has the tone of its series.
+    if likely and not (first is other and evidence >= DECISIVE) and not first.edge.shape.misfit >= WRONG:
+        return first
     doubt = (
         f"the shape of the penumbra does not show how the file stores light; edges may be {moved * 1e6:.0f} um off: give "
         "--tone srgb for a camera's JPEG, --tone linear for numbers in proportion to the light"
