@@ -12,6 +12,7 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_dilation
 from scipy.signal import savgol_filter
 
 from measurement.edge.edge import BETWEEN, Edge
@@ -41,6 +42,9 @@ TURNS = 0.5
 
 REPEATED = 1.5
 """Neighbouring stations share noise (JPEG's blocks, dust), so a smoothed point is this much worse than if they did not."""
+
+SHARPEST, BENT_ERROR = 0.08, 0.3
+"""Curvature times width from which an edge has a corner and not a circle's penumbra; error of the shift as a share of it."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -115,7 +119,29 @@ def _stretch(edge: Edge, part: slice) -> Line:
     gain = np.maximum(gain, float(np.median(gain)))  # the ends of a stretch have neighbours on one side only
     # What values between pixels lose of their scatter is in `REPEATED` already.
     error = REPEATED * gain * np.maximum(edge.error[part] / np.sqrt(BETWEEN), local)
-    return Line(guide + smooth.value[:, None] * across, edge.normal[part], error, np.zeros(len(px), dtype=bool))
+    line, normal = guide + smooth.value[:, None] * across, edge.normal[part]
+    bent = _bent(line, normal, edge.width[part])
+    return Line(
+        line + bent[:, None] * normal, normal, np.hypot(error, BENT_ERROR * bent), np.zeros(len(px), dtype=bool)
+    )
+
+
+def _bent(px: Array, normal: Array, width: Array) -> Array:
+    """How far (n,) in px towards the light the edge lies from where half of the light is.
+
+    A photograph is the silhouette under a blur, by the lamp's own shape and by the lens. On an edge of the curvature k a blur
+    of the standard deviation s shifts half of the light by k s^2 / 2 towards the centre of curvature: more than half of the
+    surroundings of a convex shadow are lit.
+    """
+    reach = SPAN // 2
+    if len(px) < 4 * reach:
+        return np.zeros(len(px))
+    near, here, far = px[: -2 * reach], px[reach:-reach], px[2 * reach :]
+    sagitta = np.einsum("ni,ni->n", here - 0.5 * (near + far), normal[reach:-reach])
+    bend = np.pad(8.0 * sagitta / np.maximum(np.sum((far - near) ** 2, axis=1), 1e-9), reach, mode="edge")
+    # Chords that reach over a corner do not show the curvature beside it.
+    corner = binary_dilation(np.abs(bend) * width > SHARPEST, np.ones(2 * reach + 1))
+    return np.where(corner, 0.0, 0.5 * bend * width**2)
 
 
 def _curvature(lines: list[Line]) -> float:

@@ -49,8 +49,14 @@ TONE, SHARPENING, MASK, MASK_SPREAD = 0.03, 0.5, 1.3, 0.6
 An S curve that adds a fifth of the smooth step 3 v^2 - 2 v^3 to sRGB's has e = 0.04.
 """
 
-UNSURE, ON_INK = 0.012, 0.03
-"""Error of the half light's place in widths that the model leaves, as it is no camera's; and of an edge that lies on ink."""
+UNKNOWN = 0.03
+"""Error of the half light's place in widths where the profiles do not show the edge's shape."""
+
+LEAST = 0.006
+"""Error of the half light's place in widths that no photograph's noise tells: edges of one camera differ by that much."""
+
+CAMERA, CAMERA_TONE = 0.012, 0.4
+"""Error of the half light's place in widths that the model leaves, as it is no camera's, and how it grows with e."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -59,13 +65,15 @@ class EdgeShape:
 
     Attributes:
         values: The step at the nodes of `nodes`.
-        shift_error: Standard error of the half light's place in it, in widths.
+        shift_error: Standard error of the half light's place in it, in widths, by the noise of this photograph.
+        model_error: The same by the model, which all photographs with one lamp and camera have in common.
         tone: e, by which the light differs from what the assumed tone curve gives.
         misfit: Root mean square of the mean profile's distance from it in its standard error, with the priors'.
     """
 
     values: Array
     shift_error: float = 0.0
+    model_error: float = 0.0
     tone: float = 0.0
     misfit: float = np.nan
 
@@ -95,7 +103,7 @@ def nodes() -> Array:
 
 def gaussian(shift_error: float = 0.0) -> EdgeShape:
     """An error function."""
-    return EdgeShape(ndtr(nodes()), shift_error)
+    return EdgeShape(ndtr(nodes()), shift_error, CAMERA)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -139,19 +147,24 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: Stored) -> Edge
     on_ink = any(clean[side].mean() < 0.5 for side in sides if side.any())
     place, value, error = _mean_profile(z, residual, np.ones_like(clean) if on_ink else clean)
     if len(place) < BINS // 2:
-        return gaussian(ON_INK)
+        return gaussian(UNKNOWN)
     # An edge far out of focus has a grid line in nearly all of its profiles, which leaves more there than e does.
     inked = 1.0 - float(clean.all(axis=1).mean())
     spread = np.hypot(error, np.hypot(FLOOR, INKED * inked))
     fits = [_fitted(place, value, spread, lamp, stored) for lamp in LAMPS]
     lamp, best = min(zip(LAMPS, fits, strict=True), key=lambda pair: float(pair[1].cost))
     misfit = float(np.sqrt(2.0 * best.cost / (len(place) - PARAMETERS)))
-    covariance = np.linalg.pinv(best.jac.T @ best.jac)
+    # Neighbouring bins err together to an unknown extent; how far the profile lies off the shape shows how far each errs.
+    share = float(np.sqrt(np.sum(best.fun[: len(place)] ** 2) / (len(place) - PARAMETERS)))
+    data, priors = best.jac[: len(place)] / share, best.jac[len(place) :]
+    own = float(np.sqrt(np.linalg.pinv(data.T @ data + priors.T @ priors)[0, 0]))
     # An asymmetry that is no camera's may be the penumbra's own, as of a deep body's level surface.
-    strange = 0.6 * max(0.0, abs(float(best.x[3])) - 3.0 * TONE)
-    own = np.sqrt(covariance[0, 0]) * max(1.0, misfit)
-    unsure = float(np.linalg.norm([own, ON_INK if on_ink else UNSURE, strange]))
-    return EdgeShape(_shape(best.x, lamp, stored), unsure, float(best.x[3]), misfit)
+    departure = abs(float(best.x[3]))
+    strange = 0.6 * max(0.0, departure - 3.0 * TONE)
+    model = float(np.hypot(CAMERA, CAMERA_TONE * departure))
+    return EdgeShape(
+        _shape(best.x, lamp, stored), float(np.linalg.norm([own, LEAST, strange])), model, float(best.x[3]), misfit
+    )
 
 
 def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:

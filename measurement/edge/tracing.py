@@ -73,6 +73,7 @@ class Traced:
         roi: Region x0, y0, x1, y1 in px that was looked at.
         tone: How the file stores light.
         shift_error: Standard error in m of the half light's place, which all points share; part of ``error_px`` too.
+        model_error: The same by the model of the edge's shape, which all photographs of a run share; no part of ``error_px``.
         doubts: What speaks against trusting it, one sentence each.
     """
 
@@ -90,6 +91,7 @@ class Traced:
     roi: tuple[int, int, int, int]
     tone: str
     shift_error: float = 0.0
+    model_error: float = 0.0
     doubts: tuple[str, ...] = ()
 
 
@@ -181,7 +183,8 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
         doubts.append("a thin dark thing (hair, thread, tube, a speck) touches the shadow")
     line = smoothed(edge, LONGEST_BRIDGE / pixel)
     # Where the half light lies in the edge's shape is not known any better than this, along all of the edge.
-    shift = edge.shape.shift_error * float(np.median(edge.width))
+    width = float(np.median(edge.width))
+    shift = edge.shape.shift_error * width
     line = dataclasses.replace(line, error=np.hypot(line.error, shift))
     points, normals = _on_screen(line, setup)
     screen_error = np.zeros(len(points))
@@ -207,6 +210,7 @@ def _trace(image: Pixels, setup: Setup, tone: str) -> Traced:
         view.roi,
         tone,
         shift * pixel,
+        edge.shape.model_error * width * pixel,
         tuple(doubt for doubt in doubts if doubt is not None),
     )
 

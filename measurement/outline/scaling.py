@@ -90,7 +90,8 @@ def with_known_body(setup: Setup, zero: ZeroLine, width: float, error: float = 0
             f"the body seems {zero.sides.width * 1e3:.4g} mm wide where --body-width has {width * 1e3:.4g} mm: this is another "
             "body or another unit, or the setup's magnification is far off"
         )
-    spread = math.hypot(error / width, zero.sides.error / zero.sides.width)
+    # The model of the edge's shape moves both sides outwards, or both inwards.
+    spread = math.hypot(error / width, zero.sides.error / zero.sides.width, 2.0 * zero.model_error / zero.sides.width)
     if setup.magnification_error > 0.0 and abs(scale - 1.0) > CONTRADICTS * math.hypot(spread, setup.scale_error):
         raise SetupError(
             f"the body seems {zero.sides.width * 1e3:.4g} mm wide by the grid's pitch and the lamp's distance, where "

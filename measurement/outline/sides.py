@@ -10,7 +10,9 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_erosion
 
+from measurement.edge.smoothing import SPAN
 from measurement.robust import deviation, robust_fit
 
 Array = npt.NDArray[np.float64]
@@ -60,6 +62,9 @@ def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
     steep = (np.abs(upwards) < STEEP) & (placed[:, 1] < -DEPTH)
     if steep.sum() < 2 * FEWEST:
         return None
+    # Smoothing rounds the corner between surface and side, over half a span of points on either side of it.
+    clear = steep & binary_erosion(np.abs(upwards) < STEEP, np.ones(SPAN + 1), border_value=1)
+    steep = clear if clear.sum() >= 4 * FEWEST else steep
     middle = 0.5 * (placed[steep, 0].min() + placed[steep, 0].max())
     halves = [steep & (placed[:, 0] < middle), steep & (placed[:, 0] > middle)]
     if min(half.sum() for half in halves) < FEWEST:

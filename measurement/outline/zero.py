@@ -55,6 +55,7 @@ class ZeroLine:
         error: Standard error of its height at ``centre`` in m.
         slope_error: Standard error of its slope in rad.
         extent: Least and greatest x at which it was seen, in m.
+        model_error: Standard error in m by the model of the edge's shape, shared with the outlines above; see `tracing.Traced`.
         tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
         doubts: What speaks against trusting it, one sentence each.
         sides: The body's sides below it; None where the photograph does not show both.
@@ -67,6 +68,7 @@ class ZeroLine:
     error: float = 0.0
     slope_error: float = 0.0
     extent: tuple[float, float] = (-np.inf, np.inf)
+    model_error: float = 0.0
     tone: str = ""
     doubts: tuple[str, ...] = ()
     sides: Sides | None = None

@@ -76,7 +76,12 @@ def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
     placed, upwards = line.place(traced.points[seen]), traced.normals[seen] @ line.normal
     error = float(np.hypot(line.error, traced.shift_error))
     line = dataclasses.replace(
-        line, error=error, tone=traced.tone, doubts=traced.doubts, sides=sides_of(placed, upwards, errors[seen])
+        line,
+        error=error,
+        model_error=traced.model_error,
+        tone=traced.tone,
+        doubts=traced.doubts,
+        sides=sides_of(placed, upwards, errors[seen]),
     )
     return checked_level(line, placed, upwards)
 
@@ -156,6 +161,8 @@ def _placing_error(traced: Traced, setup: Setup, zero: ZeroLine, placed: Array, 
     """
     error = np.hypot(setup.exact_scale.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
     error = np.hypot(error, zero.error_at(placed[:, 0]) * np.abs(upwards))
+    # The model of the edge's shape moves outline and surface alike: the more, the wider the edge, each across itself.
+    error = np.hypot(error, traced.model_error - zero.model_error * upwards)
     if np.isfinite(traced.moved):
         # What the grid's own reading leaves uncertain is in the plane's error already; only more than that has moved.
         error = np.hypot(error, np.sqrt(max(0.0, traced.moved**2 - (READING * traced.scale) ** 2)))

@@ -138,7 +138,9 @@ def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float, lamp: 
     for part in range(0, len(y), 500_000):
         piece = slice(part, part + 500_000)
         places = rays.at(y[piece].astype(float), x[piece].astype(float))
-        share[y[piece], x[piece]] = LAMPS[lamp](outline.distance(places) / penumbra)
+        # The lamp's image blurs the silhouette: on a curved edge, half of the light shifts towards the centre of curvature.
+        shift = 0.5 * penumbra**2 * outline.curvature(places, penumbra)
+        share[y[piece], x[piece]] = LAMPS[lamp]((outline.distance(places) + shift) / penumbra)
     return np.float32(ambient) + np.float32(1.0 - ambient) * share
 
 
@@ -191,3 +193,21 @@ class Outline:
             best = np.where(closer, far, best)
             signed = np.where(closer, np.copysign(far, outwards), signed)
         return signed
+
+    def curvature(self, places: Array, width: float) -> Array:
+        """Curvature (n,) in 1/m of the nearest edge, positive where it is convex; 0 near corners, over ``width`` in m or less.
+
+        A circle's penumbra is no corner's; those have their own, which the distance alone gives well enough.
+        """
+        # Twice the area over the product of a triangle's sides, over some widths of the penumbra.
+        step = max(2, round(3.0 * width / float(np.median(np.linalg.norm(self.sides, axis=1)))))
+        here = self.points
+        back, ahead = np.roll(here, step, axis=0) - here, np.roll(here, -step, axis=0) - here
+        lengths = np.linalg.norm(back, axis=1) * np.linalg.norm(ahead, axis=1) * np.linalg.norm(ahead - back, axis=1)
+        middle = self.normals + np.roll(self.normals, 1, axis=0)
+        area = np.abs(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0])
+        bend = -np.sign(np.sum((back + ahead) * middle, axis=1)) * 2.0 * area / np.maximum(lengths, 1e-30)
+        corner = np.abs(bend) * width > 0.2
+        near = np.convolve(np.r_[corner[-step:], corner, corner[:step]], np.ones(2 * step + 1), "valid") > 0.0
+        _, nearest = self.tree.query(places, workers=-1)
+        return np.where(near, 0.0, bend)[nearest]

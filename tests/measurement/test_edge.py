@@ -42,6 +42,11 @@ def found(image, through=None):
     return refine_edge(Shading(image, coarse.colour, through, light=LINEAR), contour, 1.0)
 
 
+def stated(edge):
+    """Standard error in px of what all points of an edge share."""
+    return np.hypot(edge.shape.shift_error, edge.shape.model_error) * float(np.median(edge.width))
+
+
 @pytest.mark.parametrize("distance", [straight, curved])
 @pytest.mark.parametrize("width", [1.2, 4.0])
 def test_edges_lie_where_they_should_and_errors_are_true(distance, width):
@@ -51,7 +56,7 @@ def test_edges_lie_where_they_should_and_errors_are_true(distance, width):
         off = distance(edge.px)
         missed.append(off.mean())
         # What all points share is stated by the shape.
-        standard.append(np.mean((off / np.hypot(edge.error, edge.shape.shift_error * edge.width)) ** 2))
+        standard.append(np.mean((off / np.hypot(edge.error, stated(edge))) ** 2))
         assert len(edge.px) > 80
         assert np.median(edge.width) == pytest.approx(width, rel=0.1)
     assert abs(np.mean(missed)) < 0.02
@@ -131,7 +136,7 @@ def test_lamps_that_are_no_frosted_bulbs(seen):
     assert edge.shape.misfit < 1.5
     assert abs(edge.shape.tone) < 0.03
     off = straight(edge.px)
-    assert abs(np.median(off)) < min(2.5 * edge.shape.shift_error * np.median(edge.width), 0.2)
+    assert abs(np.median(off)) < min(2.5 * stated(edge), 0.2)
 
 
 def test_sharpening_is_seen_and_its_shift_taken_out():
@@ -144,5 +149,4 @@ def test_sharpening_is_seen_and_its_shift_taken_out():
     contour = coarse_contour(coarse.mask, coarse.share, 1.0, (0, 0))
     edge = refine_edge(Shading(image, coarse.colour, light=TONES["srgb"]), contour, 1.0)
     off = float(np.median(straight(edge.px)))
-    stated = edge.shape.shift_error * float(np.median(edge.width))
-    assert abs(off) < 2.5 * stated < 0.25
+    assert abs(off) < 2.5 * stated(edge) < 0.25
