@@ -55,12 +55,12 @@ def test_edges_lie_where_they_should_and_errors_are_true(distance, width):
         edge = found(picture(distance, width, seed=seed))
         off = distance(edge.px)
         missed.append(off.mean())
-        # What all points share is stated by the shape.
-        standard.append(np.mean((off / np.hypot(edge.error, stated(edge))) ** 2))
+        # What all points share is stated by the shape; this lamp is a model's, which leaves its model no error.
+        standard.append(np.mean((off / np.hypot(edge.error, edge.shape.shift_error * edge.width)) ** 2))
         assert len(edge.px) > 80
         assert np.median(edge.width) == pytest.approx(width, rel=0.1)
     assert abs(np.mean(missed)) < 0.02
-    assert 0.2 < np.mean(standard) < 1.4
+    assert 0.5 < np.mean(standard) < 1.4
 
 
 def test_normals_point_from_shadow_to_light():
@@ -102,7 +102,7 @@ def test_a_speck_on_the_edge_spoils_no_point_beside_it(place, radius):
 def test_shapes_that_no_penumbra_has_show_in_the_misfit():
     right = found(picture(straight, 4.0, noise=1.0))
     image = np.uint8(np.rint(255.0 * (picture(straight, 4.0, noise=1.0) / 255.0) ** (1 / 2.2)))
-    assert found(image).shape.misfit > 2.5 * right.shape.misfit
+    assert found(image).shape.misfit > 4.0 * right.shape.misfit
     assert abs(found(image).shape.tone) > 0.1 > 5.0 * abs(right.shape.tone)
 
 
