@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from measurement.camera.pixels import TONES, Unmeasurable
+from measurement.edge.bridging import smoothed
 from measurement.edge.edge import coarse_contour, refine_edge
 from measurement.edge.profiles import Shading
 from measurement.edge.shadow import find_shadow
@@ -150,3 +151,20 @@ def test_sharpening_is_seen_and_its_shift_taken_out():
     edge = refine_edge(Shading(image, coarse.colour, light=TONES["srgb"]), contour, 1.0)
     off = float(np.median(straight(edge.px)))
     assert abs(off) < 2.5 * stated(edge) < 0.25
+
+
+def test_a_blur_moves_no_edge_that_is_curved():
+    """A round silhouette under a blur of 6 px: half of the light lies 6^2 / (2 * 100) = 0.18 px inside of it."""
+    rows, columns = np.indices((240, 320)).astype(float)
+    distance = np.hypot(columns - 160.0, rows - 200.0) - 100.0
+    light = 40.0 + 150.0 * gaussian_filter(np.clip(distance + 0.5, 0.0, 1.0), 6.0)
+    noisy = light[..., None] + np.random.default_rng(1).normal(0.0, 1.0, (*light.shape, 3))
+    edge = found(np.uint8(np.rint(noisy)))
+    line = smoothed(edge, 400.0)
+
+    def off(px):
+        inner = px[:, 1] < 180.0  # the picture's lower rim cuts the silhouette, and mirrors it under the blur
+        return np.median(np.hypot(*(px[inner] - [160.0, 200.0]).T) - 100.0)
+
+    assert off(edge.px) < -0.12
+    assert abs(off(line.px)) < 0.05
