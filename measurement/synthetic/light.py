@@ -201,6 +201,8 @@ class Outline:
         """
         # Twice the area over the product of a triangle's sides, over some widths of the penumbra.
         step = max(2, round(3.0 * width / float(np.median(np.linalg.norm(self.sides, axis=1)))))
+        if len(self.points) < 4 * step:
+            return np.zeros(len(places))
         here = self.points
         back, ahead = np.roll(here, step, axis=0) - here, np.roll(here, -step, axis=0) - here
         lengths = np.linalg.norm(back, axis=1) * np.linalg.norm(ahead, axis=1) * np.linalg.norm(ahead - back, axis=1)
